@@ -329,7 +329,7 @@ def _load_and_check(
     findings = (*load_findings, *_taken_class_name(spec))
     diagnostics = (*findings, *check_findings)
     if spec.site is not None and without_site is not None:
-        diagnostics = tuple(name_both_files(diagnostics, without_site.diagnostics, spec.site))
+        diagnostics = tuple(name_both_files(diagnostics, without_site.diagnostics, spec))
         answers = merged_answers((answers, without_site.answers))
     result = SpecResult(
         diagnostics=diagnostics,

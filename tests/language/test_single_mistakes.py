@@ -73,6 +73,29 @@ def test_each_wrong_part_of_a_rule_gives_one_finding_and_the_others_none(
     assert all(any(place in clause for clause in wrong_clauses) for place in places)
 
 
+@pytest.mark.parametrize(
+    ("rule", "places"),
+    [
+        ("(people is some_near or gap < 2 m", ["(", "gap < 2 m"]),
+        ("(gap < 2 m or people is some_near", ["(", "gap < 2 m"]),
+        ("gap < 2 m) or people is some_near", [")", "gap < 2 m"]),
+        ("((people is some_near) or gap is close", ["("]),
+    ],
+)
+def test_an_unmatched_parenthesis_of_a_rule_is_reported_beside_other_mistakes(rule: str, places: list[str]) -> None:
+    text = SPECS["porter"].replace("if people is some_near or gap is close then low", f"if {rule} then low", 1)
+
+    rule_findings = [finding for finding in findings(text) if finding.rule.code == "CDR4131"]
+
+    assert sorted(marked(text, finding.place.span) for finding in rule_findings) == places
+
+
+def test_the_missing_unit_of_a_fallback_is_reported_with_the_distance_as_written() -> None:
+    (finding,) = findings(SPECS["porter"].replace("else 50 m", "else 50"))
+
+    assert finding.message.startswith("50 has no unit, but distance(robot, dock) is in m (")
+
+
 @pytest.mark.parametrize("name", SPECS)
 def test_the_specs_without_mistakes_give_no_finding(name: str) -> None:
     assert findings(SPECS[name]) == []

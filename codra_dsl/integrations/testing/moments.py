@@ -51,6 +51,7 @@ from codra_dsl.runtime.values.model import ValueType
 
 _SKILL_VERBS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END, Verb.PREVIEW)
 _ANY_REASON = "any"
+_UNKNOWN_OVERRIDE_HELP = "remove 'is': an override without a value makes the context-variable unknown"
 _RUNS = "runs"
 
 
@@ -164,7 +165,9 @@ class MomentReader:
             reader.fail("duration", message, node.value("for") or node, help_text, *steps)
         return Overriding(
             variable=variable,
-            value=None if value_node is None else read_value(reader, value_node, type_, *steps, "is"),
+            value=None
+            if value_node is None
+            else read_value(reader, value_node, type_, *steps, "is", unknown_help=_UNKNOWN_OVERRIDE_HELP),
             for_s=for_s,
             reason=reason,
         )
@@ -287,7 +290,9 @@ class MomentReader:
             if isinstance(value, MappingNode):
                 yield self._belief(key, value, type_, (*steps, key.text))
             else:
-                content = read_value(self._reader_of(key, value), value, type_, *steps, key.text)
+                help_text = f"write '{key.text}: {{unknown: {_ANY_REASON}}}'"
+                reader = self._reader_of(key, value)
+                content = read_value(reader, value, type_, *steps, key.text, unknown_help=help_text)
                 yield Belief(variable=key.text, is_stated=True, value=content, place=self._place_of_value(key, value))
 
     def _belief(self, key: ScalarNode, node: MappingNode, type_: ValueType, steps: tuple[str, ...]) -> Belief:
@@ -306,7 +311,11 @@ class MomentReader:
             is_unknown=reason_text is not None,
             reason=reason_by_text.get(reason_text or _ANY_REASON),
             is_stated=value_node is not None,
-            value=None if value_node is None else read_value(reader, value_node, type_, *steps, "is"),
+            value=None
+            if value_node is None
+            else read_value(
+                reader, value_node, type_, *steps, "is", unknown_help=f"write 'unknown: {_ANY_REASON}' instead of 'is'"
+            ),
             within=None if within_node is None else read_difference(reader, within_node, type_, *steps, "within"),
             source=reader.text("source", ""),
             because=reader.text("because", ""),

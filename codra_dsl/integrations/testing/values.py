@@ -18,8 +18,11 @@ _NUMBER_KINDS = ("int", "float")
 _TEXT_KINDS = ("enum", "str")
 
 
-def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> Literal | None:
-    """Return a node's value, in the unit of a type. If the value is not of this type, add a finding and return None."""
+def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str, unknown_help: str = "") -> Literal | None:
+    """Return a node's value, in the unit of a type. If the value is not of this type, add a finding and return None.
+
+    `unknown_help` states how the timeline says that the value is unknown.
+    """
     if node.reported or not isinstance(node, ScalarNode):
         return None
     data = _read_data(reader, node, type_, *steps)
@@ -28,7 +31,8 @@ def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) ->
     try:
         return type_.convert(data)
     except NotOfTypeError as error:
-        reader.fail("wrong-type", f"{shown(steps[-1])} has a wrong value: {error}", node, _type_help(type_), *steps)
+        help_text = unknown_help if unknown_help and node.text == "unknown" else _type_help(type_)
+        reader.fail("wrong-type", f"{shown(steps[-1])} has a wrong value: {error}", node, help_text, *steps)
         return None
 
 

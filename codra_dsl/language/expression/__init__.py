@@ -11,7 +11,7 @@ from codra_dsl.language.expression.derivations import (
 )
 from codra_dsl.language.expression.parser import MAX_DEPTH, parse
 from codra_dsl.language.expression.patterns import Count, EdgeTerm, NodeTerm, Path, parse_pattern
-from codra_dsl.language.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out
+from codra_dsl.language.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out, written_text
 from codra_dsl.language.expression.printer import to_text
 from codra_dsl.language.expression.tokens import FUNCTIONS, MAX_LENGTH, WORDS, SyntaxProblem, is_name
 from codra_dsl.language.expression.tree import (
@@ -79,4 +79,5 @@ __all__ = [
     "variables_in",
     "walk",
     "with_resolution",
+    "written_text",
 ]

@@ -69,12 +69,13 @@ def is_distance(name: Name) -> bool:
 
 
 def _with_written_names(problem: SyntaxProblem, text: str, masked_text: str, offsets: Iterable[int]) -> SyntaxProblem:
-    """Return a problem whose message shows functions of the graph as they are written."""
-    message = problem.message
-    for offset in offsets:
-        mask = _WORD.match(masked_text, offset)
-        message = message if mask is None else message.replace(mask[0], text[offset : mask.end()])
-    return replace(problem, message=message)
+    """Return a problem whose message and help show functions of the graph as they are written."""
+    for mask in (_WORD.match(masked_text, offset) for offset in offsets):
+        if mask is not None:
+            written = text[mask.start() : mask.end()]
+            message, help_text = (part.replace(mask[0], written) for part in (problem.message, problem.help))
+            problem = replace(problem, message=message, help=help_text)
+    return problem
 
 
 def _mask_counts(text: str) -> tuple[str, dict[int, Count]]:

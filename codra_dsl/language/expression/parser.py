@@ -6,7 +6,9 @@ The operators, from loosest to tightest binding: `A if C else B`, `or`, `and`, `
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from enum import IntEnum
 
 from codra_dsl.language.diagnostics import suggest
@@ -85,6 +87,12 @@ _FUNCTION_HELP = {
 }
 
 
+_CHOICE = re.compile(r"\s*if\b(?P<condition>.+?)\bthen\b(?P<then>.+?)\belse\b(?P<otherwise>.+)", re.DOTALL | re.ASCII)
+"""The form of a choice in other languages."""
+
+MAX_REWRITTEN_CHOICES = 8
+"""The maximum number of choices of this form that the help rewrites."""
+
 _OPERATOR_HELP = {
     "equals": "write '=='",
     "above": "write '>'",
@@ -112,11 +120,22 @@ def parse(text: str, *, allows_fallback: bool = False, reads_context: bool = Fal
     try:
         tree = _Parser(tokens(text)).parse()
     except ExpressionError as error:
-        return error.problem
+        choice = _written_choice(text)
+        is_choice = choice is not None and isinstance(parse(choice, allows_fallback=allows_fallback), Node)
+        return replace(error.problem, help=f"write '{choice}'") if is_choice else error.problem
     if allows_fallback or "else" not in text:
         return tree
     start, end = next(meant_fallbacks(tree), (0, 0))
     return tree if start == end else _misplaced_fallback(text, start, end, reads_context)
+
+
+def _written_choice(text: str) -> str | None:
+    """Return `A if C else B` for a text `if C then A else B`, in which B can be such a text too."""
+    choice = _CHOICE.fullmatch(text) if text.count("then") <= MAX_REWRITTEN_CHOICES else None
+    if choice is None:
+        return None
+    condition, then, otherwise = (part.strip() for part in choice.groups())
+    return f"{then} if {condition} else {_written_choice(otherwise) or otherwise}"
 
 
 def _misplaced_fallback(text: str, start: int, end: int, reads_context: bool) -> SyntaxProblem:

@@ -33,7 +33,7 @@ _POSE_FUNCTION = re.compile(rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?!))", _FLAG
 _DOTTED_NAME_OR_POSE_FUNCTION = re.compile(
     rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS
 )
-_PATH_HELP = "declare in 'context' a variable NAME with 'derived: {call}', and write NAME here"
+_PATH_HELP = "declare in 'context' a variable NAME with 'derived: {call}', and write '{condition}' here"
 _ANY_NODE = re.compile(rf"\bsome +({_NAME})", re.ASCII)
 _POSE_FUNCTION_START = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
@@ -75,6 +75,17 @@ def spelt_out(tree: Node) -> Node:
     if not any(part.pose_comparison is not None for part in names_in(tree)):
         return tree
     return map_parts(tree, spelt_out)
+
+
+def written_text(node: Node) -> str:
+    """Return a part of a condition for messages. Names of distances are without the step to which they are rounded."""
+    return to_text(_without_resolution(node))
+
+
+def _without_resolution(node: Node) -> Node:
+    if isinstance(node, Name):
+        return node.pose_comparison if isinstance(node.pose_comparison, Name) else node
+    return map_parts(node, _without_resolution)
 
 
 def reads_of(name: str) -> tuple[str, str, str]:

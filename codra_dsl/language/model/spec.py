@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 from codra_dsl.language.diagnostics import Place
@@ -18,7 +18,7 @@ from codra_dsl.language.model.elements import (
 )
 from codra_dsl.language.model.knowledge import Agent, EdgeType, NodeElement, NodeType, Task
 from codra_dsl.language.model.mape import Adaptation, Loop, Output, TreeElement
-from codra_dsl.language.model.site import Site
+from codra_dsl.language.model.site import Replacement, Site
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,6 +151,20 @@ class Spec:
     def pose_conditions(self) -> tuple[PoseCondition, ...]:
         """The comparisons with poses in the spec's conditions."""
         return tuple(variable.pose_condition for variable in self.context if variable.pose_condition is not None)
+
+    def site_arguments(self, place: Place) -> Sequence[Replacement]:
+        """Return the arguments of the site that are in a value at a place; if none is, all arguments of its use."""
+        replacements = () if self.site is None else self.site.replacements_of.get(place.use, ())
+        arguments = [value for value in replacements if value.section == "use"]
+        template_name = next((use.template for use in self.uses if use.place.span == place.use), None)
+        mentioned_names = {
+            parameter.name
+            for template in self.templates
+            if template.name == template_name
+            for parameter in template.parameters
+            if any(place.span.contains(mention.span) for mention in parameter.mentions)
+        }
+        return [value for value in arguments if value.key in mentioned_names] or arguments
 
     @property
     def knows(self) -> bool:

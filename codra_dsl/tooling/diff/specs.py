@@ -8,7 +8,7 @@ from itertools import chain
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, suggest
-from codra_dsl.language.model import Site
+from codra_dsl.language.model import Spec
 from codra_dsl.tooling.diff.changes import Category, Change, Latency, Review, sort_changes
 from codra_dsl.tooling.diff.observers import compare_layout
 from codra_dsl.tooling.diff.table import FIELD_COMPARERS, KIND_BY_SECTION
@@ -52,18 +52,19 @@ def _compare_spec(pair: Pair) -> Iterator[Change]:
     scope = Scope(pair=pair, comparer_table=FIELD_COMPARERS, id=pair.new.spec.name, elements=specs, values=specs)
     for change in (*scope.changes(), *compare_layout(scope)):
         old_place, new_place = (
-            _place_at_site(change, place, spec.site)
+            _place_at_site(change, place, spec)
             for place, spec in zip((change.old_place, change.new_place), specs, strict=True)
         )
         yield replace(change, old_place=old_place, new_place=new_place)
 
 
-def _place_at_site(change: Change, place: Place | None, site: Site | None) -> Place | None:
+def _place_at_site(change: Change, place: Place | None, spec: Spec) -> Place | None:
     """Return the place of the site's value that a change concerns; the place in the spec if there is no such value.
 
     A value that is merged into a mapping, such as a coordinate of a pose, is reported at the mapping of the spec. An
-    argument of a use concerns all values of the elements of the template, unless the site has a value of its own.
+    argument of a use concerns the values that contain its parameter, unless the site has a value of its own.
     """
+    site = spec.site
     if site is None or place is None or place.span.file == site.file:
         return place
     kind, _, name = change.element.partition("/")[2].rpartition("/")
@@ -72,7 +73,7 @@ def _place_at_site(change: Change, place: Place | None, site: Site | None) -> Pl
         for value in site.replacements_of.get(name, ())
         if kind == KIND_BY_SECTION.get(value.section) and _is_inside(change.key, value.key)
     )
-    arguments = site.replacements_of.get(place.use, ()) if change.key else ()
+    arguments = spec.site_arguments(place) if change.key else ()
     return next((value.place for value in (*own_values, *arguments)), place)
 
 

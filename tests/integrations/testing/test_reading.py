@@ -44,6 +44,26 @@ def test_mistakes_in_overrides_are_reported_with_their_places() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("text", "help_text"),
+    [
+        ("believes: {light_is_on: unknown}", "write 'light_is_on: {unknown: any}'"),
+        ("believes: {pot_fill: {is: unknown}}", "write 'unknown: any' instead of 'is'"),
+        (
+            "overrides: {light_is_on: {is: unknown, for: 10 min, reason: test}}",
+            "remove 'is': an override without a value makes the context-variable unknown",
+        ),
+        (
+            "overrides: {light_is_on: true}",
+            "for example 'light_is_on: {is: true, for: 10 min, reason: sensor broken}'",
+        ),
+        ("believes: {light_is_on: maybe}", "write true or false"),
+    ],
+)
+def test_the_help_about_a_wrong_value_shows_how_a_timeline_states_it(text: str, help_text: str) -> None:
+    assert [finding.help for finding in findings(moment(text))] == [help_text]
+
+
 def test_an_override_in_a_timeline_is_no_longer_than_one_in_a_run() -> None:
     (finding,) = findings(moment("overrides: {light_is_on: {is: true, for: 25 h, reason: test}}"))
     assert (finding.message, finding.help) == ("'for' is longer than 24 h", "override it again before it ends")

@@ -364,7 +364,7 @@ def test_the_work_for_naming_both_files_grows_with_the_number_of_values(valid_fo
         call_count, before = 0, sys.getprofile()
         sys.setprofile(count)
         try:
-            named = list(name_both_files(diagnostics, (), spec.site))
+            named = list(name_both_files(diagnostics, (), spec))
         finally:
             sys.setprofile(before)
         assert [len(finding.related) for finding in named] == [1] * number_of_values
@@ -378,6 +378,12 @@ def test_an_argument_that_makes_a_template_wrong_is_named_with_the_text_of_the_t
 
     assert (finding.rule.name, finding.place.span.line) == ("mismatched-units", 34)
     assert related(finding) == [("only with this value of the site", SITE, 4)]
+
+
+def test_only_the_argument_in_the_place_of_a_finding_is_named(tmp_path: Path) -> None:
+    (finding,) = findings_of(tmp_path, "use:\n  north:\n    limit: 3\n    angle: 50 m\n")
+
+    assert related(finding) == [("only with this value of the site", SITE, 6)]
 
 
 def test_findings_that_the_spec_has_without_the_site_are_reported_once_and_unchanged(tmp_path: Path) -> None:

@@ -60,6 +60,7 @@ RULES = rules(
     ("CDR4133", "unfit-output", _ERROR),
     ("CDR4134", "unfit-rate", _ERROR),
     ("CDR4135", "senseless-filter", _ERROR),
+    ("CDR4136", "constant-out-of-range", _ERROR),
     ("CDR4151", "missing-resolution", _ERROR),
     ("CDR4152", "constant-derivation", _ERROR),
     ("CDR5101", "cycle", _ERROR),

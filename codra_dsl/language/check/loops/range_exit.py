@@ -38,13 +38,16 @@ def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Itera
             ]
             if side_texts:
                 sides_text = " or ".join(side_texts).format(low=f"{low}{unit_text}", high=f"{high}{unit_text}")
+                is_constant = not any(names_in(branch))
+                limits_text = f"[{low}, {high}]{unit_text}"
+                help = f"keep the value in {limits_text}, e.g. with 'min' and 'max', or write a wider range"
                 yield finding(
-                    "value-leaves-range",
-                    f"adaptation '{adaptation.name}' can set '{name}' to {sides_text}, outside of its range",
+                    "constant-out-of-range" if is_constant else "value-leaves-range",
+                    f"adaptation '{adaptation.name}' {'sets' if is_constant else 'can set'} '{name}' to {sides_text}, "
+                    "outside of its range",
                     condition.place_of(branch),
                     path=f"adaptation.{adaptation.name}.{key}",
-                    help=f"keep the value in [{low}, {high}]{unit_text}, e.g. with 'min' and 'max', "
-                    "or write a wider range",
+                    help=f"write a value in {limits_text}, or a wider range" if is_constant else help,
                     related=(Related("declared here", variable.type.places.get("range", variable.place)),),
                 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -12,6 +13,8 @@ from codra_dsl.language.check.loops.rule_clauses import MAX_LENGTH, Mistake, Rul
 from codra_dsl.language.check.loops.rule_names import RULE_SYNTAX_HELP, RuleNames
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression.tokens import with_escapes
+
+_PARENTHESIS = re.compile(r"""[()]|"[^"]*"|'[^']*'""")
 
 MAX_RELATED_PLACES = 5
 """The maximum number of further places of one name in a finding."""
@@ -48,15 +51,32 @@ def _mistakes(rule: ParsedRule, names: RuleNames) -> Iterator[Mistake]:
     """Yield the mistakes in each part of a rule.
 
     Findings of the parser are left out in parts with other mistakes, and after a part that the parser cannot read.
+    Parentheses enclose several parts, so they are checked in the complete rule.
     """
     text = rule.phrase.text
     parts = RuleText(text, names).parts() if len(text) <= MAX_LENGTH else ()
     problems = dict(_parser_mistake(text, problem, names) for problem in rule.problems)
+    for mistake in _unmatched_parentheses(text):
+        problems.pop(mistake.start, None)
+        yield mistake
     for end, mistakes in (*parts, (len(text) + 1, [])):
         in_part = [problems.pop(offset) for offset in sorted(problems) if offset < end]
         yield from mistakes or in_part
         if not all(mistake.is_unknown_name for mistake in mistakes):
             problems.clear()
+
+
+def _unmatched_parentheses(text: str) -> Iterator[Mistake]:
+    openings: list[re.Match[str]] = []
+    for match in _PARENTHESIS.finditer(text):
+        if match[0] == "(":
+            openings.append(match)
+        elif match[0] == ")" and openings:
+            openings.pop()
+        elif match[0] == ")":
+            yield Mistake(*match.span(), "')' closes nothing", "remove it or add '('")
+    for opening in openings:
+        yield Mistake(*opening.span(), "'(' is never closed", "add ')'")
 
 
 def _parser_mistake(text: str, problem: Diagnostic, names: RuleNames) -> tuple[int, Mistake]:

@@ -6,7 +6,7 @@ import math
 import re
 
 from codra_dsl.language.diagnostics import Place
-from codra_dsl.language.expression import Compare, Name
+from codra_dsl.language.expression import Compare, Comparison, Name, Not, parse
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.conditions import build_condition, condition_text, report_syntax
 from codra_dsl.language.load.yaml.nodes import ScalarNode
@@ -45,6 +45,9 @@ class _Entry:
             return None
         variable = Reference(name=words["name"], place=self._place(*words.span("name")))
         place = self._reader.origin.of(self._node)
+        if words["verb"] not in ("becomes", "stays") and (meant := self._meant_expectation()):
+            self._fail(f"{shown(self._text)} is not an expectation", f"write '{meant}'", 0, len(self._text))
+            return None
         if words["verb"] is None:
             return Expectation(variable=variable, expected=Expected.WATCHED, place=place)
         if words["verb"] not in ("becomes", "stays"):
@@ -69,11 +72,23 @@ class _Entry:
     def _fail(self, message: str, help_text: str, start: int, end: int, rule: str = "monitor") -> None:
         self._reader.fail(rule, message, self._place(start, end), help_text, *self._steps)
 
+    def _meant_expectation(self) -> str | None:
+        """Return the expectation that a condition in place of one means, such as `x stays true` for `x == true`."""
+        time_limit = _WITHIN.search(self._text)
+        end = len(self._text) if time_limit is None else time_limit.start()
+        match parse(self._text[:end]):
+            case Not(operand=Name(name=name)):
+                value = "false"
+            case Compare(first=Name(name=name), rest=((operator, right),)):
+                value = self._text[right.start : end]
+                value = value if operator is Comparison.EQUAL else f"{operator} {value}"
+            case _:
+                return None
+        return f"{name} {'stays' if time_limit is None else 'becomes'} {value}{self._text[end:]}"
+
     def _report_unknown_verb(self, words: re.Match[str]) -> None:
         verb = words["verb"]
         suggestion = _VERB_SYNONYMS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
-        if _COMPARISON_OPERATOR.match(verb):
-            suggestion = f"stays {verb}"
         help_text = (
             f"did you mean '{suggestion}'?"
             if suggestion

@@ -9,13 +9,14 @@ from typing import Any
 from codra_dsl.language.diagnostics import Fix, Place, is_slip, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.other_forms import (
-    CHOICE_KEYS,
+    REPLACED_KEYS,
     choice_help,
     example_text,
     lists_without_brackets,
     long_form,
     meant_key,
     other_form_help,
+    set_help,
     torn_text,
 )
 from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
@@ -233,13 +234,12 @@ class _Explanation:
         return corrections
 
     def _report_choice(self, path: tuple[str | int, ...], mapping: MappingNode, known: Mapping[str, Any]) -> set[str]:
-        """Report the keys of a choice, `if`, `then` and `else`, in place of one value; return these keys."""
-        help_text = choice_help(mapping, known)
-        if help_text is None:
-            return set()
-        self._report_key(path, mapping.entries["if"][0], help_text)
-        self._reported_paths.update((*path, key) for key in ("value", "derived"))
-        return set(CHOICE_KEYS)
+        """Report keys in place of one value, such as `if`, `then` and `else`; return these keys."""
+        keys, help_text = choice_help(mapping, known) or set_help(mapping, known) or ((), "")
+        if keys:
+            self._report_key(path, mapping.entries[keys[0]][0], help_text)
+            self._reported_paths.update((*path, key) for key in REPLACED_KEYS)
+        return set(keys)
 
     def _report_lists(
         self, path: tuple[str | int, ...], mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
@@ -374,9 +374,9 @@ class _Explanation:
         """Return rule, message and help for a wrong value."""
         value_name = self._value_name(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
+        title += "" if error.mapping_example is None else " or a mapping"
         key = error.path[-1] if error.path else self._subject.key.written
-        known_example = self._examples.get(str(key)) if error.path else None
-        known_example = known_example if error.mapping_example is None else error.mapping_example
+        known_example = error.mapping_example or (self._examples.get(str(key)) if error.path else None)
         examples = {} if known_example is None else {"examples": [known_example]}
         example = f"for example {example_text(key, error.schema | examples)}"
         if str(key) in error.schema.get("properties", ()):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Set
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from typing import Any
 
 from codra_dsl.language.expression import And, Compare, In, Not, Or, is_name, parse_derivation
@@ -15,6 +15,9 @@ from codra_dsl.language.units import duration_help, parse_duration
 
 CHOICE_KEYS = ("if", "then", "else")
 """The keys over which a choice is spread in other languages."""
+
+REPLACED_KEYS = ("value", "derived", "set", "choose", "in", "otherwise")
+"""The keys in place of which `choice_help` and `set_help` find other keys."""
 
 _MEANT_KEYS = {
     **dict.fromkeys(("value", "expression", "expr", "formula", "condition", "computed", "derived_from"), "derived"),
@@ -30,6 +33,7 @@ MAX_ENTRIES = 20
 """The maximum number of entries of a mapping or a list that the help repeats."""
 
 _TORN = re.compile(r"(?P<name>[A-Za-z]\w*),?\s+(?P<key>[a-z_]+):?\s+(?P<rest>.+)", re.ASCII)
+_CONSTRAINT = re.compile(r"if\s+(?P<condition>[^,{}]+?)\s+then\s+(?P<consequence>[^,{}]+)")
 _MIN_SHORT_FORM_LENGTH = 5
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
@@ -119,13 +123,25 @@ def lists_without_brackets(
         list_key, item_keys = key, []
 
 
-def choice_help(mapping: MappingNode, known_keys: Collection[str]) -> str | None:
-    """Return the help for a choice that is spread over the keys `if`, `then` and `else`, or None."""
+def choice_help(mapping: MappingNode, known_keys: Collection[str]) -> tuple[Sequence[str], str] | None:
+    """Return the keys and the help for a choice that is spread over the keys `if`, `then` and `else`, or None."""
     texts = _texts(mapping)
     target = next((key for key in ("value", "derived") if key in known_keys), None)
     if target is None or "if" in known_keys or not texts.keys() >= set(CHOICE_KEYS):
         return None
-    return f"write '{target}: {texts['then']} if {texts['if']} else {texts['else']}'"
+    return CHOICE_KEYS, f"write '{target}: {texts['then']} if {texts['if']} else {texts['else']}'"
+
+
+def set_help(mapping: MappingNode, known_keys: Collection[str]) -> tuple[Sequence[str], str] | None:
+    """Return the key and the help for a variable that an adaptation sets as `VARIABLE: VALUE`, or None."""
+    is_adaptation = {"set", "choose"} <= {*known_keys}
+    unknown_keys = [key for key in mapping.entries if key not in known_keys]
+    if not is_adaptation or len(unknown_keys) != 1 or not {"set", "value", "choose", "in"}.isdisjoint(mapping.entries):
+        return None
+    name, value = unknown_keys[0], mapping.entries[unknown_keys[0]][1]
+    if not is_name(name) or not isinstance(value, ScalarNode) or not is_derivation(value.text):
+        return None
+    return unknown_keys, f"write 'set: {name}' and 'value: {value.text}'"
 
 
 def example_text(key: str | int, subschema: Mapping[str, Any]) -> str:
@@ -148,6 +164,8 @@ def _text_help(node: ScalarNode, key: str, title: str) -> str | None:
     if title == "context":
         is_truth = isinstance(parse_derivation(node.text), And | Or | Not | Compare | In)
         return f"write '{key}: {{type: bool, derived: {node.text}}}'" if is_truth else None
+    if title.startswith("a rule, {if") and (rule := _CONSTRAINT.fullmatch(node.text)):
+        return f"write '{{if: {rule['condition']}, then: {rule['consequence']}}}'"
     if not isinstance(node.data, (str, int, float)):
         return None
     if title.startswith("a duration"):

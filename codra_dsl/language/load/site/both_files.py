@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.model import Site
+from codra_dsl.language.model import Site, Spec
 
 MAX_NAMED = 3
 """The maximum number of values of a site that a finding about the spec names."""
@@ -18,7 +18,7 @@ _QUOTED_NAME = re.compile(r"'(\w+)(?=')")
 
 
 def name_both_files(
-    diagnostics: Iterable[Diagnostic], spec_diagnostics: Iterable[Diagnostic], site: Site
+    diagnostics: Iterable[Diagnostic], spec_diagnostics: Iterable[Diagnostic], spec: Spec
 ) -> Iterator[Diagnostic]:
     """Yield the findings about a spec with a site. Those that the site causes name the places in both files.
 
@@ -28,8 +28,10 @@ def name_both_files(
     Args:
         diagnostics: the findings about the spec with the site.
         spec_diagnostics: the findings about the spec alone.
-        site: what the site states.
+        spec: the spec with the site.
     """
+    site = spec.site
+    assert site is not None
     findings_of_spec = set(spec_diagnostics)
     for diagnostic in diagnostics:
         files = {place.span.file for place in (diagnostic.place, *(related.place for related in diagnostic.related))}
@@ -38,7 +40,7 @@ def name_both_files(
         elif diagnostic.place.span.file == site.file:
             related = tuple(_places_in_spec(diagnostic, site))
         else:
-            related = () if site.file in files else tuple(_values_of_site(diagnostic, site))
+            related = () if site.file in files else tuple(_values_of_site(diagnostic, spec, site))
         yield replace(diagnostic, related=(*diagnostic.related, *related)) if related else diagnostic
 
 
@@ -54,11 +56,11 @@ def _places_in_spec(diagnostic: Diagnostic, site: Site) -> Iterator[Related]:
         yield Related("it replaces this value of the spec", value.replaced)
 
 
-def _values_of_site(diagnostic: Diagnostic, site: Site) -> Iterator[Related]:
+def _values_of_site(diagnostic: Diagnostic, spec: Spec, site: Site) -> Iterator[Related]:
     """Yield the values of a site that probably cause a finding about the spec.
 
-    These are the values of elements that the finding concerns or names, then the arguments of the use that made the
-    element. If there are none, all values are possible.
+    These are the values of elements that the finding concerns or names, then the arguments in the place of the finding.
+    If there are none, all values are possible.
     """
     path, named = diagnostic.path.split("."), {*_QUOTED_NAME.findall(f"{diagnostic.message} {diagnostic.help}")}
     elements = {*pairwise(path)}
@@ -68,6 +70,5 @@ def _values_of_site(diagnostic: Diagnostic, site: Site) -> Iterator[Related]:
         for value in site.replacements_of.get(name, ())
         if name in named or (value.section, name) in elements
     ]
-    arguments = [value for value in site.replacements_of.get(diagnostic.place.use, ()) if value.section == "use"]
-    causes = sorted(values, key=lambda value: value.place) or arguments or site.replacements
+    causes = sorted(values, key=lambda value: value.place) or spec.site_arguments(diagnostic.place) or site.replacements
     return (Related("only with this value of the site", value.place) for value in causes[:MAX_NAMED])

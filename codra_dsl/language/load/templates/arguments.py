@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -15,6 +16,9 @@ from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.reader import entries, is_unread
+from codra_dsl.language.units import parse_quantity, parse_unit, units_help
+
+_NUMBER = re.compile(r"-?[0-9]+(?:\.[0-9]+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +93,29 @@ def _check_argument(
         "ill-typed-argument",
         message,
         subject.origin.of_value(key, value),
-        help=f"write {EXAMPLES[parameter.kind][0]}",
+        help=_literal_help(parameter, value.text),
         path=subject.part(key.text),
         related=[Related("declared here", parameter.place)],
     )
     return False
+
+
+def _literal_help(parameter: Parameter, text: str) -> str:
+    """Return the help for an argument that is not a literal of its parameter's type.
+
+    A number without a unit is shown with the unit of the default; without a default, with several units.
+    """
+    number = _NUMBER.match(text) if parameter.kind is ParameterKind.QUANTITY else None
+    if number is None:
+        return f"write {EXAMPLES[parameter.kind][0]}"
+    default = None if parameter.default is None else parse_quantity(parameter.default.text)
+    unit = text[number.end() :].strip().replace("%", "percent")
+    if unit:
+        is_known = parse_unit(unit) is not None
+        return f"did you mean '{number[0]} {unit}'?" if is_known else units_help(unit)
+    if default is not None:
+        return f"write it with its unit: {number[0]} {default.unit}"
+    return f"write it with its unit, for example {number[0]} percent, {number[0]} m or {number[0]} s"
 
 
 def _report_unknown(
