@@ -94,7 +94,7 @@ class Place(_LazyPlace):
     use: Span | None = None
 
 
-# A spec has many places: the functions that fill the slots of a frozen value are looked up once.
+# A spec has many places. To make them faster, the functions that fill their slots are looked up only once.
 _new_place = object.__new__
 _set_text_range = _LazyPlace.__dict__["_text_range"].__set__
 _set_use = Place.__dict__["use"].__set__
@@ -299,7 +299,7 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def max_slips(name: str) -> int:
-    """Return by how many letters a suggestion for a name may differ from it."""
+    """Return the maximum number of letters in which a suggestion for a name may differ from the name."""
     return max(1, len(name) // 3)
 
 

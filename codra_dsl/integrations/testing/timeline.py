@@ -51,7 +51,7 @@ class Behaviour:
     Attributes:
         returns: the returned values that change.
         takes_s: how long a job takes.
-        evidence_s: when the evidence of a job is taken, from start to stamp, counted from the start of the job.
+        evidence_s: the interval in which the evidence of a job is taken, counted from the start of the job.
         fault: the fault of the algorithm; None if it works.
     """
 
@@ -94,7 +94,8 @@ class GraphChange:
     """A change of the knowledge graph by an agent.
 
     Attributes:
-        agent: the agent; empty if it is the agent that inserted the node that is deleted.
+        agent: the agent. Empty if the change deletes a node that is not in the initial graph: then the agent that
+            inserted the node deletes it.
         operation: inserts or places an edge, deletes an edge or a node, or inserts a node.
         new_nodes: the insertions of the ends of an edge that are not in the initial graph.
     """
@@ -223,7 +224,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectationCheck:
-    """A check of the last outcome of what a skill expects of a variable."""
+    """A check of the last outcome of a skill's expectations of a variable."""
 
     skill: str
     variable: str

@@ -152,7 +152,7 @@ def step(
 
 
 def lead_threshold(model: CourseModel) -> float:
-    """Return by how much a weight must exceed the weight of the course."""
+    """Return the lead over the weight of the course that an action needs."""
     return max(model.lead, MIN_LEAD)
 
 
@@ -208,7 +208,7 @@ def _leads_since_s(
 
 
 def _gaps(model: CourseModel, candidate: TrackedAction, course: TrackedAction) -> tuple[float, float]:
-    """Return by how much an action leads the course now, and the limit of this lead if no weight changes."""
+    """Return the present lead of an action over the course, and the limit of this lead if no weight changes."""
     assert candidate.smoothed_weight is not None
     assert course.smoothed_weight is not None
     gap = candidate.smoothed_weight - course.smoothed_weight

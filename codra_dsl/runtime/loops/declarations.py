@@ -198,7 +198,7 @@ class CourseModel:
         variable: an enum variable that holds the chosen action. Its source is the adapter. Empty without such a
             variable.
         smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
-        lead: by how much the weight of an action must exceed the weight of the running action.
+        lead: the lead of an action's weight over the weight of the running action that a switch needs.
         hold_s: how long an action must have this lead without a break.
         holds_s: the same for single actions, instead of `hold_s`.
         dwell_s: the shortest time for which an action runs. There are three exceptions: a hard rule, a metric that

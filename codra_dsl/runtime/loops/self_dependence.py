@@ -1,4 +1,4 @@
-"""Loops that depend on their own results: they are noticed, and do not analyse without a pause.
+"""Detect loops that depend on their own results, and slow down their analyses.
 
 A loop analyses when an input changes. If this input is a result of the loop, or follows from one, a further analysis
 follows, and so on until the results stay the same. If they never do, the loop would analyse without an end: in real
@@ -15,7 +15,7 @@ from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, OutputMod
 from codra_dsl.runtime.values.model import VariableModel
 
 MAX_CHANGES_IN_A_ROW = 10
-"""If a result changes this often in a row, and nothing but results has changed meanwhile, it depends on itself."""
+"""If a result changes in this number of analyses in a row, all caused only by results, it depends on itself."""
 
 
 def fed_back_inputs(
@@ -38,7 +38,7 @@ def fed_back_inputs(
 
 
 def _reachable(names: Iterable[str], readers: Collection[tuple[frozenset[str], frozenset[str]]]) -> set[str]:
-    """Return names, and the names that can change because of them; each reader has the names it reads and changes."""
+    """Return names, and the names that can change because of them. A reader has the names that it reads and changes."""
     reached, new_names = set[str](), set(names)
     while new_names:
         reached |= new_names
@@ -86,19 +86,19 @@ class SelfDependence:
     def must_pause(self, now_s: float) -> bool:
         """Return whether the changed inputs must wait for the next period, because results change without an end.
 
-        A change that cannot come from the results is analysed at once, unless this happens at one simulated instant.
+        A change that the results cannot cause is analysed at once, except at the instant of the last analysis.
         """
         is_own = now_s == self._last_analysis_s or self._changed_inputs <= self._fed_back
         return is_own and bool(self._names_without_end())
 
     def begin_analysis(self) -> None:
-        """Note that an analysis begins, which reads all inputs that have changed."""
+        """Note the begin of an analysis; it reads all changed inputs."""
         self._causes, self._changed_inputs = frozenset(self._changed_inputs), set()
 
     def end_analysis(self, changed_names: Collection[str], now_s: float) -> list[str]:
-        """Count the results that the analysis of an instant has changed; return those that depend on themselves.
+        """Count the results that an analysis has changed; return the results that depend on themselves.
 
-        Each of them is returned once, until an analysis changes nothing.
+        A result is returned only once. It can be returned again after an analysis that changes nothing.
         """
         is_own = now_s == self._last_analysis_s or (bool(self._causes) and self._causes <= self._fed_back)
         self._last_analysis_s = now_s

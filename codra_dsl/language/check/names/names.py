@@ -43,7 +43,7 @@ GRAPH_FUNCTIONS = {
 """The functions of the knowledge graph, with arguments. A variable may have the name of such a function."""
 
 OPERATOR = "operator"
-"""The source of overrides while a robot runs; no source in a spec, and not the name of an agent."""
+"""The source of overrides while a robot runs. A spec can use this name neither as a source nor for an agent."""
 
 _SOURCES = {"agents": (OBSERVER, MAIN_EXECUTION)}
 _WORD = re.compile(r"\w+")
@@ -157,8 +157,8 @@ def _misspelt_declaration_findings(
 ) -> Generator[Diagnostic, None, list[list[Mention]]]:
     """Yield findings about misspelt declarations. Return the mentions of the other names that must be reported.
 
-    A name without a similar declaration may belong to an element with an unreadable name. If there are at least as many
-    elements with unreadable names as names without a similar declaration, these names are not returned.
+    An undeclared name that resembles no declared name may be the name of an element whose own name is unreadable. If
+    the spec has enough such elements for all of these names, their mentions are not returned.
     """
     rule, noun = _RULES_AND_NOUNS[section]
     misspelling_candidates = [group for group in groups if spec_index.other_kind(group[0].name, section) is None]

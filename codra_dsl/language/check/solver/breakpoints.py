@@ -26,7 +26,7 @@ MAX_ARGUMENTS = 8
 
 
 def context_keys_of(node: Node) -> frozenset[str]:
-    """Return the keys, in a context, of the names and ages that a value depends on."""
+    """Return the names and ages that a value depends on, as the keys that a `Context` uses."""
     keys: set[str] = set()
     pending_nodes = [node]
     while pending_nodes:
@@ -86,7 +86,7 @@ def _is_part_curved(part: Node) -> bool:
 
 
 def _selecting_pairs(part: Node) -> Iterable[tuple[Node, Node | None]]:
-    """Yield pairs of numbers. The order of each pair selects the function that a part computes; None means zero."""
+    """Yield pairs of numbers; the part can have a kink where the numbers of a pair are equal. None means zero."""
     if isinstance(part, Call) and part.function == "abs":
         yield part.arguments[0], None
     elif isinstance(part, Call) and part.function in ("min", "max"):

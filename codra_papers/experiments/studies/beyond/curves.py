@@ -1,4 +1,4 @@
-"""Plots of values over a varied number: one line for each arm, with intervals where they exist."""
+"""Plots of values against a varied number: one line for each arm, with intervals where they exist."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Panel:
 
     Attributes:
         x_label: the label of the horizontal axis.
-        nominal_x: the number of the unchanged laboratory. The picture marks this number; None for no mark.
+        nominal_x: the value of the varied number in the unchanged laboratory, which a line marks; None for no line.
     """
 
     title: str

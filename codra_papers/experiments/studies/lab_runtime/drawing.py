@@ -25,7 +25,7 @@ class Bars:
     Attributes:
         task_s: the durations of all executions, without observers and with them.
         perception_s: the same for the perception in each execution.
-        task_share: by which share of its duration the task is shorter with observers.
+        task_share: the share of the task's duration that observers save.
         perception_share: the same for its perception.
     """
 
@@ -68,7 +68,7 @@ _Rows = Sequence[tuple[str, tuple[Sequence[float], Sequence[float]], float | Non
 
 
 def _draw_panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> None:
-    """Draw a pair of bars for each task. The text above the pair states by how much the second bar is shorter."""
+    """Draw a pair of bars for each task. The text above the pair states their relative difference."""
     tops = [_draw_pair(axes, place, durations_s, (without, observed)) for place, (_, durations_s, _) in enumerate(rows)]
     for place, (top_s, (_, _, share)) in enumerate(zip(tops, rows, strict=True)):
         if share is not None:

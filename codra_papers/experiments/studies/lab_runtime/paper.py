@@ -22,8 +22,8 @@ class PaperTask:
     Attributes:
         preview_s: the time of the task's two previews, without and with observers (Table 3).
         monitoring_s: the time of the task's two monitored conditions, without and with observers (Table 3).
-        perception_share: by which share perception was shorter with observers (Figure 8).
-        task_share: by which share the whole task was shorter with observers (Figure 8).
+        perception_share: the share of the perception time that observers save (Figure 8).
+        task_share: the share of the whole task's time that observers save (Figure 8).
         saved_per_check_s: the time saved per perception task, on average (section 4.2).
     """
 

@@ -67,7 +67,7 @@ def judge_tending(pairs: Sequence[Pair]) -> Finding:
 
 
 def reduction(task: Task, pairs: Sequence[Pair], duration_of: DurationFunction) -> float | None:
-    """Return by which share the mean duration is shorter with observers.
+    """Return the share of the mean duration that observers save.
 
     Return None if there are no executions without observers, or none with observers.
     """

@@ -281,7 +281,7 @@ def _observable_shares(runs: Runs, algorithm: str) -> Iterator[float | None]:
 
 
 def reduction_table(runs: Runs, further_runs: Runs, naive_arms: Sequence[str], slot_algorithms: Sequence[str]) -> Table:
-    """Return by how much each arm reduces the triggers of the naive arms, and P1's 79.4 %."""
+    """Return the reduction of the naive arms' triggers by each arm, and P1's 79.4 %."""
     algorithm_groups = (
         ("the PCR-cycler's lid, as P1 counts", PCR_CYCLER_LID_ALGORITHMS),
         ("all that need the vision slot", slot_algorithms),
