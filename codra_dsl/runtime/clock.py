@@ -121,6 +121,10 @@ class TimerQueue:
             heapq.heappop(entries)
         return math.inf
 
+    def is_next_before(self, instant_s: float, number: int) -> bool:
+        """Return whether the first event comes before an event with this instant and number."""
+        return self.next_s() <= instant_s and self._entries[0][:2] < (instant_s, number)
+
     def pop_due(self, until_s: float) -> Timer | None:
         """Remove the first event and return it; None if no event is due up to an instant."""
         entries = self._entries

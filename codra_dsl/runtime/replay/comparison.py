@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
-from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.journal.spec_summary_changes import Change
 from codra_dsl.runtime.replay.decision_counts import DecisionCounts
 from codra_dsl.runtime.replay.recording import RecordedEvent, Recording
@@ -68,7 +67,7 @@ class Comparison(EventLog):
 
     Attributes:
         may_continue: whether further events may follow the expected ones.
-        spec_summary: the summary of the spec that is replayed; None before the replay begins.
+        header: the run header of the replay; None before the replay begins.
         accepts_inputs: whether the log accepts inputs; only `copy_log` needs them.
         position: the number of equal events so far.
         compared: the number of equal events so far that are not earlier than `from_s`.
@@ -80,7 +79,7 @@ class Comparison(EventLog):
     def __init__(self, recording: Recording, copy_log: EventLog | None, from_s: float = -math.inf) -> None:
         super().__init__(limit=1)
         self.may_continue = False
-        self.spec_summary: SpecSummary | None = None
+        self.header: RunHeader | None = None
         self.accepts_inputs = copy_log is not None
         self.position = 0
         self.derived: dict[Kind, int] = {}
@@ -97,9 +96,8 @@ class Comparison(EventLog):
         return self.difference is not None or self._recording.next_expected_event() is None
 
     def begin(self, make_header: Callable[[], RunHeader]) -> None:
-        """Store the spec summary, and begin the copy."""
-        header = make_header()
-        self.spec_summary = header.summary
+        """Store the run header, and begin the copy."""
+        header = self.header = make_header()
         if self._copy_log is not None:
             self._copy_log.begin(lambda: header)
 

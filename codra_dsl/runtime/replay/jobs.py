@@ -229,8 +229,11 @@ class ReplayedJobs:
             self._clock.call_at(self._clock.now_s(), lambda: self._end(look, failure, is_known=look.index is not None))
 
     def _end_with(self, look: _Look, end_event: Event | None) -> None:
-        """End a job as a recorded job ended; None if the run no longer needed the result."""
-        if end_event is None:
+        """End a job as a recorded job ended; None if the run no longer needed the result.
+
+        If the recorded job timed out, its result is not recorded either.
+        """
+        if end_event is None or end_event.details.get("reason") == Reason.TIMED_OUT:
             self._end(look, Failure(Reason.FAILED, NOT_RECORDED), is_known=look.cancelled)
             return
         details: Mapping[str, Any] = end_event.details
@@ -258,6 +261,7 @@ class ReplayedClock(Clock):
         self._jobs = jobs
         self._events = TimerQueue()
         self._event_count = 0
+        self._event_count_before_now = 0
         self.step_count = 0
 
     def now_s(self) -> float:
@@ -266,11 +270,17 @@ class ReplayedClock(Clock):
 
     def advance(self, instant_s: float) -> None:
         """Move to an instant, unless the clock shows a later one."""
-        self._now_s = max(self._now_s, instant_s)
+        if instant_s > self._now_s:
+            self._now_s, self._event_count_before_now = instant_s, self._event_count
 
     def next_event_s(self) -> float:
         """Return when the next event is due; infinity if there is none."""
         return self._events.next_s()
+
+    def is_next_event_before(self, instant_s: float) -> bool:
+        """Return whether the next event is due up to an instant, and was scheduled before this instant."""
+        is_now = instant_s <= self._now_s
+        return self._events.is_next_before(instant_s, self._event_count_before_now if is_now else self._event_count)
 
     def step(self) -> None:
         """Execute the next event."""

@@ -94,9 +94,11 @@ class Recording:
         self._events = events
         self._failure: Exception | None = None
         self._last_event: RecordedEvent | None = None
-        self._inputs: deque[Event] = deque()
+        self._inputs: deque[tuple[Event, int]] = deque()  # with the number of expected events before the input
         self._program_input_count = 0
         self._expected_events: deque[RecordedEvent] = deque()
+        self._expected_event_count = 0
+        self._expected_event_count_before_input = 0
         self._is_expecting = True
         self._late_steps: set[int] = set()
 
@@ -140,7 +142,7 @@ class Recording:
         self.check()
         if not self._inputs:
             return None
-        event = self._inputs.popleft()
+        event, self._expected_event_count_before_input = self._inputs.popleft()
         is_of_program = event.what != "evidence"
         self._program_input_count -= is_of_program
         return event, is_of_program and not self._program_input_count
@@ -152,7 +154,7 @@ class Recording:
         limits that hardly any late step exceeds.
         """
         while step not in self._late_steps:
-            last_input = self._inputs[-1] if self._inputs else None
+            last_input = self._inputs[-1][0] if self._inputs else None
             if last_input is not None and (
                 last_input.details["step"] > step
                 or last_input.instant_s > due_s + _MAX_DELAY_S
@@ -162,6 +164,12 @@ class Recording:
             if not self._read_next():
                 return last_input is None or last_input.instant_s <= due_s + _MAX_DELAY_AT_END_S
         return True
+
+    def expects_event_before_input(self) -> bool:
+        """Return whether an event is expected that the run had before the input that was taken last."""
+        is_readable = self.next_readable_event() is not None
+        dropped_count = self._expected_event_count - len(self._expected_events)
+        return is_readable and dropped_count < self._expected_event_count_before_input
 
     def expect_nothing(self) -> None:
         """From now on, keep no events for a comparison, because the replay has differed from the run."""
@@ -209,6 +217,7 @@ class Recording:
         self._last_event = recorded_event
         if recorded_event.kind is not Kind.INPUT and self._is_expecting:
             self._expected_events.append(recorded_event)
+            self._expected_event_count += 1
         is_used = recorded_event.kind in _USED_KINDS or recorded_event.is_job_end
         is_job_start = recorded_event.kind is Kind.JOB and not self._is_expecting
         event = recorded_event.event if is_used or is_job_start else None
@@ -221,7 +230,7 @@ class Recording:
         if event.kind is Kind.INPUT and "work" in event.details and self._is_expecting:
             self.calls.setdefault(event.details["work"], []).append(event)
         elif event.kind is Kind.INPUT:
-            self._inputs.append(event)
+            self._inputs.append((event, self._expected_event_count))
             if event.what == "late":
                 self._late_steps.add(event.details["step"])
             self._program_input_count += event.what != "evidence"

@@ -13,7 +13,7 @@ from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
-from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance
+from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance, find_changes
 from codra_dsl.runtime.knowledge import KnowledgeModel, Snapshot
 from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
 from codra_dsl.runtime.replay.decision_counts import DecisionComparison
@@ -21,7 +21,13 @@ from codra_dsl.runtime.replay.jobs import DivergedError
 from codra_dsl.runtime.replay.player import Build, Player
 from codra_dsl.runtime.replay.recording import Recording
 from codra_dsl.runtime.replay.undetermined import Undetermined
-from codra_dsl.runtime.replay.what_if import WhatIf
+from codra_dsl.runtime.replay.what_if import MAX_STEPS_BETWEEN_INPUTS, WhatIf
+
+_ROUNDING_S = 1e-9
+"""Instants of simulated time that differ by less are the same; in real time, nothing is so close to an input."""
+
+_WITHIN_INSTANT = frozenset({"delivered", "evidence", "late", "unstarted", "waited"})
+"""Inputs that may come, in simulated time, before other steps of their instant."""
 
 
 def _show_nothing(_: float) -> None:
@@ -65,11 +71,11 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     comparison, decisions = Comparison(recording, copy, from_s), DecisionComparison(from_s)
     recording.on_decision = decisions.add_recorded
     player = Player(header, recording, model, build, comparison, knowledge)
-    undetermined = Undetermined(header.summary if comparison.spec_summary is None else comparison.spec_summary)
+    undetermined = Undetermined((comparison.header or header).summary)
     player.on_decision = lambda decision: decisions.add_replayed(decision, undetermined)
     player.jobs.undetermined = undetermined
     comparison.on_event = undetermined.add_event
-    comparison.check_completeness(_follow(player, comparison, show_instant) or "")
+    comparison.check_completeness(_follow(player, comparison, header, show_instant) or "")
     ended_because, skipped_inputs = "", Counter[str]()
     if comparison.difference is not None:
         what_if = WhatIf(player, undetermined, decisions)
@@ -109,18 +115,18 @@ def knowledge_at(
     recording = Recording.of([event for event in events if event.instant_s <= instant_s])
     comparison = Comparison(recording, None)
     player = Player(header, recording, model, ContextManager, comparison, knowledge)
-    divergence_text = _follow(player, comparison, _show_nothing)
+    divergence_text = _follow(player, comparison, header, _show_nothing)
     if comparison.difference is not None or divergence_text is not None:
         raise ValueError(f"the journal does not follow from its inputs: {divergence_text or comparison.difference}")
     player.clock.advance(instant_s)
     return player.manager.knowledge.at(instant_s)
 
 
-def _follow(player: Player, comparison: Comparison, progress: Callable[[float], None]) -> str | None:
+def _follow(player: Player, comparison: Comparison, header: RunHeader, progress: Callable[[float], None]) -> str | None:
     """Follow a journal until the first difference; return why the replay stopped before its end, if it did."""
     clock, recording = player.clock, player.recording
     try:
-        _pass_inputs(player, comparison, progress)
+        _pass_inputs(player, comparison, progress, is_same=_is_same_package(header, comparison.header))
         end_s = clock.now_s() if recording.end_s is None else recording.end_s
         while not comparison.is_over and clock.next_event_s() <= end_s:
             clock.step()  # the journal may end in the middle of the run, after its last input
@@ -134,22 +140,31 @@ def _follow(player: Player, comparison: Comparison, progress: Callable[[float], 
 def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | None:
     """Return the first difference, with the changes of the spec."""
     difference = comparison.difference
-    if difference is None or comparison.spec_summary is None:
+    if difference is None or comparison.header is None:
         return difference
     names = [event.name for event in (difference.replayed, difference.recorded) if event is not None]
-    return replace(difference, changes=changes_by_distance(names, header.summary, comparison.spec_summary))
+    return replace(difference, changes=changes_by_distance(names, header.summary, comparison.header.summary))
 
 
-def _pass_inputs(player: Player, comparison: Comparison, progress: Callable[[float], None]) -> None:
-    clock, recording = player.clock, player.recording
+def _is_same_package(header: RunHeader, replayed_header: RunHeader | None) -> bool:
+    """Return whether the package that is replayed has the model of the run, as far as digests and summaries show."""
+    if replayed_header is None:
+        return True
+    digests = {header.model, replayed_header.model} - {""}  # a model that was built by hand has no digest
+    return len(digests) < 2 and not any(find_changes(header.summary, replayed_header.summary))
+
+
+def _pass_inputs(player: Player, comparison: Comparison, progress: Callable[[float], None], *, is_same: bool) -> None:
+    """Pass the inputs of a journal until the first difference."""
+    clock, recording, passed_step = player.clock, player.recording, 0
     while (next_input := recording.take_input()) is not None:
         event, is_last = next_input
         player.pending_input, player.has_tried_input = event, False
-        while clock.step_count < event.details["step"] and comparison.difference is None:
-            if clock.next_event_s() > event.instant_s:
-                raise DivergedError
-            clock.step()
-        while comparison.difference is None and _has_missed_step(player, event.instant_s):
+        passed_s, step = clock.now_s(), event.details["step"]
+        last_step, passed_step = clock.step_count + step - passed_step, step
+        while comparison.difference is None and _is_step_before(event, player, last_step, passed_s, is_same=is_same):
+            if clock.step_count >= max(last_step, 0) + MAX_STEPS_BETWEEN_INPUTS:
+                raise DivergedError(f"it has made {MAX_STEPS_BETWEEN_INPUTS} steps more than the run before an input")
             clock.step()
         if comparison.difference is not None:
             return
@@ -161,8 +176,29 @@ def _pass_inputs(player: Player, comparison: Comparison, progress: Callable[[flo
         player.pending_input = None
 
 
-def _has_missed_step(player: Player, instant_s: float) -> bool:
-    """Return whether a step of the replay was due before an instant, and the run did not make this step later."""
-    due_s = player.clock.next_event_s()
-    is_due = due_s < instant_s - PUNCTUALITY_TOLERANCE_S
-    return is_due and not player.recording.is_late(player.clock.step_count, due_s)
+def _is_step_before(event: Event, player: Player, last_step: int, passed_s: float, *, is_same: bool) -> bool:
+    """Return whether the next step comes before an input.
+
+    Between two inputs, a replay makes as many steps as the run. If the package differs from that of the run, it may
+    make more or fewer steps without an event, such as the end of a validity that was renewed. Then the events before
+    the input show which steps come first, and other steps come at their times.
+
+    Args:
+        event: the input.
+        player: makes the steps.
+        last_step: the number of steps that the replay has made before the input, if it makes as many as the run.
+        passed_s: the instant of the previous input.
+        is_same: whether the package is that of the run.
+    """
+    clock, due_s, instant_s = player.clock, player.clock.next_event_s(), event.instant_s
+    if player.recording.expects_event_before_input():
+        if due_s > instant_s:
+            raise DivergedError
+        return True
+    if due_s > instant_s or clock.step_count < last_step:
+        return due_s <= instant_s
+    if due_s < instant_s - PUNCTUALITY_TOLERANCE_S:
+        return event.what != "late" and not player.recording.is_late(event.details["step"], due_s)
+    is_at_same_instant = instant_s > passed_s and due_s >= instant_s - _ROUNDING_S
+    may_be_before = not is_same and event.what not in _WITHIN_INSTANT
+    return is_at_same_instant and may_be_before and clock.is_next_event_before(instant_s)

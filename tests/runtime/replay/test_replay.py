@@ -409,6 +409,8 @@ def test_a_run_in_real_time_under_several_threads_is_derived_again_byte_for_byte
 
     assert errors == []
     assert assert_same(tmp_path / "run.mcap", model).compared > 200
+    with_unused_variable = replace(model, variables=(*model.variables, given("unused")))
+    assert replay_journal(tmp_path / "run.mcap", with_unused_variable).difference is None
 
 
 def test_events_that_come_late_are_late_again(tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,13 +19,14 @@ from hypothesis import strategies as st
 from codra_dsl.logic import Term, known, value
 from codra_dsl.runtime import ContextManager, ContextModel, EventLog, Journal, SimClock, boolean
 from codra_dsl.runtime.journal import Event, Kind
+from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.replay import DecisionCounts, Replayed, replay, what_if
 from codra_dsl.runtime.replay.decision_counts import total
 from codra_dsl.runtime.replay.undetermined import Undetermined
 from codra_dsl.runtime.values.declarations import DERIVED
 from codra_dsl.runtime.values.model import PreviewCondition, SkillModel, integer
-from tests.runtime.forests import Look, World, algorithm, forest, given, observer, variable
+from tests.runtime.forests import Look, World, algorithm, forest, given, observer, takes, variable
 from tests.runtime.journal.journals import read
 
 Manager = ContextManager[str, str]
@@ -49,18 +51,23 @@ class Thresholds:
     quality: int = 0
     light: int = 0
     has_spare: bool = False
+    near_valid_s: float = 3.0
+    open_valid_s: float = 4.0
+    light_valid_s: float = math.inf
+    period_s: float = 0.5
+    timeout_s: float = 5.0
 
     def model(self) -> ContextModel:
-        settings: dict[str, Any] = {"period_s": 0.5}
+        settings: dict[str, Any] = {"period_s": self.period_s}
         measure = self._look("measure", "near", self.near, [value("light") > self.light])
         looks = [self._look("look", "open", self.open, [value("near")])]
         if self.has_spare:
             looks.append(self._look("spare", "open", self.open, [value("light") > self.light]))
         return forest(
             [
-                given("light", type=integer(0, 9)),
-                variable("near", valid_for_s=3.0),
-                variable("open", valid_for_s=4.0, when_unobservable="forget"),
+                given("light", type=integer(0, 9), valid_for_s=self.light_valid_s),
+                variable("near", valid_for_s=self.near_valid_s),
+                variable("open", valid_for_s=self.open_valid_s, when_unobservable="forget"),
                 variable("ready", derived=value("near") & ~value("open"), sources=(DERIVED,)),
             ],
             observer("o_near", measure, **settings),
@@ -70,7 +77,8 @@ class Thresholds:
 
     def _look(self, name: str, identified: str, threshold: int, when: Sequence[Term]) -> Look:
         accept = [value("quality") >= self.quality]
-        return Look(algorithm(name, RESULT), {identified: value("number") > threshold}, when, accept)
+        look = algorithm(name, RESULT, timeout_s=self.timeout_s)
+        return Look(look, {identified: value("number") > threshold}, when, accept)
 
 
 def world_of(chance: random.Random) -> Callable[[str, float], Mapping[str, int]]:
@@ -149,6 +157,11 @@ THRESHOLDS = st.builds(
     quality=st.integers(0, 5),
     light=st.integers(0, 6),
     has_spare=st.booleans(),
+    near_valid_s=st.sampled_from([0.4, 3.0]),
+    open_valid_s=st.sampled_from([0.5, 4.0]),
+    light_valid_s=st.sampled_from([0.5, 2.0, 60.0]),
+    period_s=st.sampled_from([0.3, 0.5]),
+    timeout_s=st.sampled_from([0.2, 5.0]),
 )
 
 
@@ -180,6 +193,34 @@ def test_a_claim_without_an_assumption_is_what_the_changed_package_does(
         assert claim.other_value == (was_answered and is_answered and value_before != value_after)
 
 
+@example(before=Thresholds(light_valid_s=2.0), changed=Thresholds(), names={"light_valid_s"}, seed=1)
+@given_examples(
+    before=THRESHOLDS,
+    changed=THRESHOLDS,
+    names=st.sets(st.sampled_from([field.name for field in fields(Thresholds)]), min_size=1, max_size=2),
+    seed=st.integers(0, 10_000),
+)
+@settings(max_examples=10)
+def test_the_first_difference_is_that_of_a_run_with_the_changed_package(
+    before: Thresholds, changed: Thresholds, names: set[str], seed: int
+) -> None:
+    after = replace(before, **{name: getattr(changed, name) for name in names})
+    with TemporaryDirectory() as folder:
+        header, events = run(Path(folder) / "before.mcap", before, seed)
+        _, events_after = run(Path(folder) / "after.mcap", after, seed)
+
+    pairs = list(zip_longest(derived_messages(events), derived_messages(events_after)))
+    positions = [position for position, (recorded, derived) in enumerate(pairs, 1) if recorded != derived]
+    difference = replayed(header, events, after).difference
+    assert ([] if difference is None else [difference.position]) == positions[:1]
+    if difference is not None and difference.replayed is not None:
+        assert message_of(difference.replayed) == pairs[positions[0] - 1][1]
+
+
+def derived_messages(events: Sequence[Event]) -> list[bytes]:
+    return [message_of(event) for event in events if event.kind is not Kind.INPUT]
+
+
 # A door that a robot approaches: the cases one by one
 
 
@@ -197,6 +238,41 @@ def door_run(path: Path, near: int = 4, light: int = 0, **settings: Any) -> tupl
             clock.sleep(instant_s - clock.now_s())
             manager.decide("near", lambda: None)
     return read(path)
+
+
+def test_the_end_of_a_validity_that_was_renewed_is_no_difference(tmp_path: Path) -> None:
+    def model(valid_for_s: float) -> ContextModel:
+        return replace(Thresholds(light_valid_s=valid_for_s).model(), skills=())
+
+    clock, world = SimClock(), World({"measure": {"number": 6, "quality": 9}})
+    with Manager(model(2.0), clock=clock, resources={"world": world}, record=Journal(tmp_path / "run.mcap")) as manager:
+        manager.declare("near")
+        for _ in range(20):
+            manager.set("light", 3)
+            clock.sleep(0.5)
+    header, events = read(tmp_path / "run.mcap")
+
+    for valid_for_s in (0.7, 5.0, 60.0):
+        assert replay(header, events, model(valid_for_s), Manager, None).difference is None
+    difference = replay(header, events, model(0.5), Manager, None).difference
+    assert difference is not None
+    assert difference.replayed is not None
+    assert (difference.replayed.name, difference.replayed.what) == ("light", "unknown"), "it ends before it is renewed"
+
+
+def test_the_result_of_a_look_that_timed_out_only_in_the_run_stays_unknown(tmp_path: Path) -> None:
+    clock, world = SimClock(), World({"measure": takes(0.3, {"number": 6, "quality": 9})})
+    model, journal = Thresholds(timeout_s=0.2).model(), Journal(tmp_path / "run.mcap")
+    with Manager(model, clock=clock, resources={"world": world}, record=journal) as manager:
+        manager.declare("near")
+        manager.set("light", 3)
+        clock.sleep(1.2)
+        manager.decide("near", lambda: None)
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replayed(header, events, Thresholds())
+    assert result.decisions == {"near": DecisionCounts(decisions=1, unknown=1)}
+    assert result.missing_looks["measure"] > 0
 
 
 def test_another_threshold_changes_values_and_everything_is_known(tmp_path: Path) -> None:
