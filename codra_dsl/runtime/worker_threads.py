@@ -5,9 +5,13 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
+from contextvars import Context
 from queue import Empty, SimpleQueue
 
 from codra_dsl.runtime.forks import new_lock
+
+_Inbox = SimpleQueue[Callable[[], object] | None]
+"""What the next function of one thread is put into; None ends the thread."""
 
 IDLE_S = 10.0
 """How long a thread waits for the next function before it ends."""
@@ -19,8 +23,8 @@ class WorkerThreads:
     So a function that hangs delays no other function. The threads are daemons, so it does not delay the end of the
     process either. Starting a thread takes several times as long as giving a function to a waiting thread.
 
-    Attributes:
-        idle_count: how many threads wait, without those for which a function is ready.
+    A function goes to the thread that has waited for the shortest time. So after many functions have run at the same
+    time, the threads that are no longer needed end. Each function has its own `contextvars` context.
     """
 
     def __init__(self, name: str) -> None:
@@ -31,8 +35,12 @@ class WorkerThreads:
         """
         self._name = name
         self._lock = new_lock()
-        self.idle_count = 0
         self._reset()
+
+    @property
+    def idle_count(self) -> int:
+        """Return how many threads wait, without those for which a function is ready."""
+        return len(self._waiting_inboxes)
 
     def run(self, function: Callable[[], object]) -> None:
         """Run a function, which must not raise.
@@ -43,9 +51,8 @@ class WorkerThreads:
         with self._lock:
             if self._process_id != os.getpid():  # after a fork, the threads exist only in the parent
                 self._reset()
-            if self.idle_count:
-                self.idle_count -= 1
-                self._functions.put(function)
+            if self._waiting_inboxes:
+                self._waiting_inboxes.pop().put(function)
                 return
         threading.Thread(target=self._run_functions, args=([function],), name=self._name, daemon=True).start()
 
@@ -53,33 +60,32 @@ class WorkerThreads:
         """End the threads that wait; the others end after their functions."""
         with self._lock:
             self._is_closed = True
-            for _ in range(self.idle_count):
-                self._functions.put(None)
-            self.idle_count = 0
+            while self._waiting_inboxes:
+                self._waiting_inboxes.pop().put(None)
 
     def _reset(self) -> None:
         self._process_id = os.getpid()
-        self._functions: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
-        self.idle_count = 0
+        self._waiting_inboxes: list[_Inbox] = []
         self._is_closed = False
 
     def _run_functions(self, first_function: list[Callable[[], object]]) -> None:
+        inbox = _Inbox()
         function: Callable[[], object] | None = first_function.pop()  # because a thread keeps its arguments
         while function is not None:
-            function()
+            Context().run(function)
             function = None  # a waiting thread keeps nothing of the last function in memory
-            function = self._next_function()
+            function = self._next_function(inbox)
 
-    def _next_function(self) -> Callable[[], object] | None:
+    def _next_function(self, inbox: _Inbox) -> Callable[[], object] | None:
         with self._lock:
-            if self._is_closed:
+            if self._is_closed or self._process_id != os.getpid():  # a function may fork: the child's copy ends
                 return None
-            self.idle_count += 1
-        while True:
-            try:
-                return self._functions.get(timeout=IDLE_S)
-            except Empty:
-                with self._lock:
-                    if self.idle_count:  # otherwise each waiting thread gets one of the functions in the queue
-                        self.idle_count -= 1
-                        return None
+            self._waiting_inboxes.append(inbox)
+        try:
+            return inbox.get(timeout=IDLE_S)
+        except Empty:
+            with self._lock:
+                if inbox in self._waiting_inboxes:
+                    self._waiting_inboxes.remove(inbox)
+                # A function can have come meanwhile. If a signal handler interrupted `run`, none comes.
+                return None if inbox.empty() else inbox.get()

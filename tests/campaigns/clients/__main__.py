@@ -21,6 +21,9 @@ from codra_dsl.runtime.remote.session import LEASE_S
 from tests.campaigns.clients.measuring import Measuring, Resources, Waits
 
 QUIET_S = 5.0
+SETTLE_S = 2.0
+"""After the quiet time, until the descriptors of a server that has begun, and has no client, are counted."""
+
 MAX_MEMORY_MB = 200.0
 MAX_WAIT_S = 0.1
 RELEASE_S = LEASE_S + RESPONSE_TIMEOUT_S + 2.0
@@ -33,8 +36,9 @@ def main(client_count: int, duration_s: float, seed: int) -> int:
         _process("served", f"{folder}/codra.sock") as (message_server, _),
         _process("served") as (page_server, port),
     ):
-        servers = [Resources("messages", message_server.pid), Resources("page", page_server.pid)]
         _measure(Measuring(f"{folder}/codra.sock", port), QUIET_S, "without an attack")
+        time.sleep(SETTLE_S)
+        servers = [Resources("messages", message_server.pid), Resources("page", page_server.pid)]
         measuring = Measuring(f"{folder}/codra.sock", port)
         with _process("attacking", f"{folder}/codra.sock", str(port), str(client_count), str(seed)) as (_, begun):
             mistakes = _measure(measuring, duration_s, f"{begun} clients attack, seed {seed}")
