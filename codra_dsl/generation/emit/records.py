@@ -97,7 +97,7 @@ def graph_text(plan: BuildPlan) -> str:
         f'"target": {json_text(f"{name}/{target.kind}/{target.name}")}, "kind": "{kind}"}}'
         for source, target, kind in plan.edges
     ]
-    return object_of(format_version="1", nodes=_json_list(nodes), edges=_json_list(edges))
+    return object_json(format_version="1", nodes=_json_list(nodes), edges=_json_list(edges))
 
 
 def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
@@ -109,15 +109,15 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     variables = {name: _type_entries(variable) for name, variable in plan.checked.variables.items()}
     digests = {path: _digest(outputs[path]) for path in sorted(outputs)}
     site = plan.checked.spec.site
-    return object_of(
+    return object_json(
         format=json.dumps(MANIFEST_FORMAT),
         format_version=str(FORMAT_VERSION),
         name=json.dumps(plan.name),
         spec=json.dumps(plan.checked.spec.file),
         **({} if site is None else {"site": json.dumps(site.file)}),
         model=json.dumps(model_digest(plan)),
-        variables=mapping_of(variables),
-        outputs=mapping_of(digests),
+        variables=mapping_json(variables),
+        outputs=mapping_json(digests),
     )
 
 
@@ -193,18 +193,18 @@ def _span_entries(span: Span) -> str:
     return f'"file": {json_text(span.file)}, "line": {span.line}'
 
 
-def object_of(**parts: str) -> str:
+def object_json(**parts: str) -> str:
     """Return a JSON object, with one entry per line; the values are already JSON."""
     inner = ",\n".join(f"{json.dumps(key)}: {text}" for key, text in parts.items())
     return f"{{\n{inner}\n}}\n"
 
 
-def list_of(items: Iterable[object]) -> str:
+def list_json(items: Iterable[object]) -> str:
     """Return a JSON list, with one item per line."""
     return _json_list(list(map(json.dumps, items)))
 
 
-def mapping_of(items: Mapping[str, object]) -> str:
+def mapping_json(items: Mapping[str, object]) -> str:
     """Return a JSON object, with one entry per line."""
     return _json_object([f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items()])
 

@@ -75,7 +75,7 @@ class Bridge:
         self._codra = codra
         self._clock = clock
         self._answers = answers
-        self._do = do
+        self._call = do
         self._running_skills: dict[str, Skill] = {}
         self._action_ends_s: dict[str, float] = {}
 
@@ -101,11 +101,11 @@ class Bridge:
 
     def expect(self, *skills: str) -> None:
         """Announce the skills that come next."""
-        self._do(lambda: self._codra.expect(*skills))
+        self._call(lambda: self._codra.expect(*skills))
 
     def set(self, variable: str, value: object) -> None:
         """Write a variable as the main execution."""
-        self._do(lambda: self._codra.set(variable, value))
+        self._call(lambda: self._codra.set(variable, value))
 
     def decide(
         self, state: State, variable: str, *, wait_up_to_s: float = 0.0, max_age_s: float = math.inf
@@ -121,7 +121,7 @@ class Bridge:
         pending_decision = self._wait_for_decision(state, variable, wait_up_to_s, max_age_s)
         if pending_decision.state is DecisionState.ANSWERED:
             return value_text(pending_decision.value)
-        self._do(
+        self._call(
             lambda: (
                 pending_decision.abandon("preempted") if _is_preempted(state) else pending_decision.record_result(None)
             )
@@ -144,17 +144,17 @@ class Bridge:
         """
         if self._answers is Answers.SHADOW:
             return self._unknown_answer(skill)
-        pending_preview: PendingPreview = self._do(
+        pending_preview: PendingPreview = self._call(
             lambda: self._codra.ask_preview(
                 skill, since_s=self._action_ends_s, wait_up_to_s=wait_up_to_s, max_age_s=max_age_s
             )
         )
         self._wait(state, pending_preview)
-        self._do(lambda: pending_preview.abandon("preempted"))
+        self._call(lambda: pending_preview.abandon("preempted"))
         return pending_preview.answer
 
     def _unknown_answer(self, skill: str) -> PreviewAnswer:
-        names = self._do(self._codra.skills)[skill].preview
+        names = self._call(self._codra.skills)[skill].preview
         unknown = tuple(UnknownVariable(name=name, reason="shadow") for name in names)
         return PreviewAnswer(skill=skill, undecided=names, unknown=unknown)
 
@@ -191,8 +191,8 @@ class Bridge:
 
     def _enter_skill(self, name: str, stack: ExitStack) -> None:
         exit_stack = ExitStack()
-        self._running_skills[name] = self._do(lambda: exit_stack.enter_context(self._codra.skill(name)))
-        stack.callback(self._do, exit_stack.close)
+        self._running_skills[name] = self._call(lambda: exit_stack.enter_context(self._codra.skill(name)))
+        stack.callback(self._call, exit_stack.close)
 
     def _enter_action(self, name: str, stack: ExitStack) -> None:
         if name not in self._running_skills:
@@ -203,8 +203,8 @@ class Bridge:
             exit_stack.close()
             self._action_ends_s.update(dict.fromkeys(skill.model.changes, self._clock.now_s()))
 
-        self._do(lambda: exit_stack.enter_context(skill.acting()))
-        stack.callback(self._do, end_action)
+        self._call(lambda: exit_stack.enter_context(skill.acting()))
+        stack.callback(self._call, end_action)
 
     def _run_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
         state.preempted = False  # an earlier run may have set it; `run` itself begins with the same assignment
@@ -216,12 +216,12 @@ class Bridge:
             self._skip(state, annotation.outcome_of(pending_decision.value))
             return
         if _is_preempted(state):
-            self._do(lambda: pending_decision.abandon("preempted"))
+            self._call(lambda: pending_decision.abandon("preempted"))
             self._finish(state, _PREEMPTED_OUTCOME_ID)
             return
         look()
         value = self._value_of_outcome(state, annotation)
-        self._do(lambda: pending_decision.record_result(value))
+        self._call(lambda: pending_decision.record_result(value))
 
     def _value_of_outcome(self, state: State, annotation: Annotation) -> object:
         """Return the value that the outcome of a state means; None if the outcome means no value."""
@@ -237,7 +237,7 @@ class Bridge:
 
         Evidence from before the end of an action that changes the variable is not used.
         """
-        pending_decision: PendingDecision = self._do(
+        pending_decision: PendingDecision = self._call(
             lambda: self._codra.ask(
                 variable,
                 since_s=self._action_ends_s,
@@ -252,7 +252,7 @@ class Bridge:
     def _wait(self, state: State, decision: PendingDecision | PendingPreview) -> None:
         """Wait until a decision does not wait any more, or a state is preempted."""
         while decision.state is DecisionState.WAITING and not _is_preempted(state):
-            self._do(lambda: decision.wait(_PREEMPTION_CHECK_PERIOD_S))
+            self._call(lambda: decision.wait(_PREEMPTION_CHECK_PERIOD_S))
 
     def _skip(self, state: State, outcome: str) -> None:
         """End a state with an outcome, given by name, as if it had run."""

@@ -154,7 +154,7 @@ class Timeout(Kind):
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Measure the time anew when the node next starts."""
+        """Restart the measured time when the node next starts."""
         self._due_s = None
 
 

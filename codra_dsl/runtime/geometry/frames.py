@@ -162,7 +162,7 @@ class Frames:
         _, tracks = self._cached_transform(target, source, instant_s)
         return min((track.next_update_s(instant_s) for _, track in tracks), default=math.inf)
 
-    def between(self, target: str, source: str, instant_s: float) -> tuple[str, ...]:
+    def frames_between(self, target: str, source: str, instant_s: float) -> tuple[str, ...]:
         """Return the frames whose poses determine the transform between two frames.
 
         Raises:

@@ -293,7 +293,7 @@ class Snapshot:
 
     def frames_between(self, a: str, b: str) -> tuple[str, ...]:
         """Return the nodes whose poses define the relative pose of two nodes; this raises the errors of `transform`."""
-        return self._state.frames.between(a, b, self.instant_s)
+        return self._state.frames.frames_between(a, b, self.instant_s)
 
     def measured_s(self, name: str) -> float:
         """Return when the newest pose of a node was measured; this raises the errors of `parent`."""

@@ -24,7 +24,7 @@ class RuleHold:
 
     Attributes:
         since_s: the beginning of this time.
-        overridden: the overridden variables that the condition reads. When they change, the time begins anew, because
+        overridden: the overridden variables that the condition reads. When they change, the time restarts, because
             an override is not evidence.
     """
 

@@ -153,7 +153,7 @@ def held(model: RateModel, history: History, now_s: float) -> Observation:
 
     The result is true if the bool was known to be true at each instant of this time, and false if it was false at one
     of them. Otherwise it is unknown. An override that is true counts while it lasts, but the time without interruption
-    begins anew with it.
+    restarts when the override begins.
     """
     phases = list(_phases(history, now_s))
     if phases[0].content is False:

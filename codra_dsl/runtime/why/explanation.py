@@ -176,7 +176,7 @@ class _Explanation:
         why = self._bare_why(_reading_of_override(name, override_event), at_s)
         key = (name, id(override_event))
         if key in self._explained_readings:
-            return replace(why, is_told=True)
+            return replace(why, is_repeated=True)
         self._explained_readings.add(key)
         return replace(why, story=(override_text(why.reading),), beneath=self._observed_why(name, context, path))
 
@@ -189,7 +189,7 @@ class _Explanation:
         reading, event = context.observed_reading(name), context.latest_events.present_events.get(name)
         why = self._bare_why(reading, context.at_s)
         if name in path or (name, id(event)) in self._explained_readings:
-            return replace(why, is_told=True)
+            return replace(why, is_repeated=True)
         self._explained_readings.add((name, id(event)))
         look = self._look(name, context, (*path, name)) if reading.known else None
         ways = tuple(self._way(algorithm, context, (*path, name)) for algorithm in self._summary.find_algorithms(name))
@@ -294,7 +294,7 @@ class _Explanation:
         for edge in pose_edges_between(context.latest_events, name):
             why = explain_knowledge(self._summary, context.latest_events, edge, context.at_s)
             key = (edge, id(context.latest_events.knowledge_events[edge]["placed"]))
-            explanations.append(replace(why, story=(), is_told=True) if key in self._explained_readings else why)
+            explanations.append(replace(why, story=(), is_repeated=True) if key in self._explained_readings else why)
             self._explained_readings.add(key)
         return tuple(explanations)
 

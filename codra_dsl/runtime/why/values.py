@@ -145,7 +145,7 @@ class Why:
         missing: the changes without which the variable cannot be observed at that instant; a known variable can have
             them as well. Of several algorithms, only the changes of the one that needs the fewest are given.
         beneath: for an override, the explanation of the reading that it hides; otherwise None.
-        is_told: whether this reading is explained elsewhere in the same explanation; the details are then left out.
+        is_repeated: whether this reading is explained elsewhere in the same explanation; the details are then left out.
         is_left_out: whether the details are left out because the chain of causes is too long: ask for this variable.
     """
 
@@ -161,7 +161,7 @@ class Why:
     ways: tuple[Way, ...] = ()
     missing: tuple[MissingChange, ...] = ()
     beneath: Why | None = None
-    is_told: bool = False
+    is_repeated: bool = False
     is_left_out: bool = False
 
     @property
@@ -182,7 +182,7 @@ def _lines_of(why: Why) -> Iterator[str]:
     reading = why.reading
     unit_text = f" {why.unit}" if why.unit else ""
     state_text = f"{value_text(reading.content)}{unit_text}" if reading.known else f"unknown ({reading.reason})"
-    repeated_text = ", as explained above" if why.is_told else ""
+    repeated_text = ", as explained above" if why.is_repeated else ""
     place_text = _place_text(why.place)
     yield f"{why.variable} is {state_text} at {instant_text(why.at_s)}{repeated_text}{place_text}"
     if why.is_left_out:

@@ -13,7 +13,7 @@ from dataclasses import replace
 from codra_dsl.generation.build_plan import BuildPlan, EdgeKind, Node, NodeKind
 from codra_dsl.generation.build_plan.names import entry_names, module_name
 from codra_dsl.generation.emit.graph_nodes import node_id
-from codra_dsl.generation.emit.records import graph_nodes, list_of, object_of, places
+from codra_dsl.generation.emit.records import graph_nodes, list_json, object_json, places
 from codra_dsl.language.check.latency import worst_cases
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.tooling.selection import Choice, Choices
@@ -145,7 +145,7 @@ def graph_of(plans: Sequence[BuildPlan]) -> Graph:
 def render_json(graph: Graph) -> str:
     """Return the graph with the place of each node in the spec, and the worst case of each variable."""
     edges = ({"source": link.source, "target": link.target, "kind": link.kind.value} for link in graph.links)
-    return object_of(nodes=list_of(map(_node_object, graph.elements)), edges=list_of(edges))
+    return object_json(nodes=list_json(map(_node_object, graph.elements)), edges=list_json(edges))
 
 
 def _node_object(element: Element) -> dict[str, object]:

@@ -216,7 +216,7 @@ def exposed_states(world: LabWorld, instant_s: float) -> list[LabState]:
 def _drawing_thread() -> ThreadPoolExecutor:
     """Return the thread that draws the frames of all sources of this process, with the OpenGL context that they share.
 
-    Mesa translates its shaders anew for each context, which takes as long as drawing twenty frames.
+    Mesa translates its shaders again for each context, which takes as long as drawing twenty frames.
 
     Raises:
         GraphicsUnavailableError: no backend on this computer can draw without a screen.

@@ -149,23 +149,23 @@ class Pickers:
         self._settings = settings
         self._world = world
         self._page = page
-        self._acts: list[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]]] = list(
-            self._acts_of_situation()
+        self._pending_actions: list[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]]] = list(
+            self._actions_of_situation()
         )
         self._since_s: float | None = None
 
     def see(self, state: StoreState) -> None:
-        """Do the next act if its condition has been true for the delay of the act."""
-        if not self._acts:
+        """Do the next action if its condition has been true for the delay of the action."""
+        if not self._pending_actions:
             return
-        is_met, delay_s, act = self._acts[0]
+        is_met, delay_s, action = self._pending_actions[0]
         self._since_s = _true_since_s(self._since_s, state, is_met(state))
         if self._since_s is not None and state.instant_s - self._since_s >= delay_s:
             self._since_s = None
-            self._acts.pop(0)
-            act(state)
+            self._pending_actions.pop(0)
+            action(state)
 
-    def _acts_of_situation(
+    def _actions_of_situation(
         self,
     ) -> tuple[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]], ...]:
         if self._settings.situation is Situation.QUIET:

@@ -90,26 +90,6 @@ def test_a_variable_that_can_be_observed_is_no_finding(skills: str, old: str, ne
     )
 
 
-@pytest.mark.parametrize(
-    ("derived", "is_reported"),
-    [
-        ("paged and closed", True),
-        ("not paged", True),
-        ("paged else false", False),
-        ("known(paged)", False),
-    ],
-)
-def test_a_decision_on_a_value_derived_from_what_only_an_agent_can_answer_is_reported(
-    derived: str, is_reported: bool
-) -> None:
-    text = edit_spec(
-        USE_ALL + "  one: {preview: [called]}\n",
-        ("context:\n", f"context:\n  called: {{type: bool, derived: {derived}}}\n"),
-    )
-    expected_findings = [("decision-without-observer", "called")] if is_reported else []
-    assert rules_and_marked_texts(text, "decision-without-observer") == expected_findings
-
-
 def test_an_unknown_source_silences_dependent_findings() -> None:
     text = edit_spec(USE_ALL + "  one: {preview: [paged], monitor: [payload]}\n", ("source: page", "source: pager"))
     assert [rule for rule, _ in rules_and_marked_texts(text)] == ["unknown-source", "unwatched-monitor"]

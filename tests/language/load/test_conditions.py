@@ -72,7 +72,7 @@ def test_every_letter_of_a_condition_has_its_place(words: list[str], blank: str,
     from codra_dsl.language.load.yaml.findings import Findings
     from codra_dsl.language.load.yaml.nodes import Style, scalars
     from codra_dsl.language.load.yaml.source import accept
-    from codra_dsl.language.load.yaml.source_offsets import letters_of_scalar
+    from codra_dsl.language.load.yaml.source_offsets import letter_runs
     from codra_dsl.language.model import Letters
 
     source = accept(text, "-", Findings())
@@ -80,7 +80,7 @@ def test_every_letter_of_a_condition_has_its_place(words: list[str], blank: str,
     root = compose(source, Findings())
     assert root is not None
     *_, scalar = scalars(root, lambda _: True)
-    letters = Letters(source.place, letters_of_scalar(scalar, text))
+    letters = Letters(source.place, letter_runs(scalar, text))
     assert scalar.style is Style(style)
     for offset, letter in enumerate(scalar.text):
         if letter not in " \n":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
@@ -10,7 +10,6 @@ from codra_dsl.language.check.knowledge.owners import read_elements
 from codra_dsl.language.check.quality.exclusion import excluded_previews
 from codra_dsl.language.check.quality.reach import can_judge_reach, unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.expression import Call, Fallback, Name, Node, parts
 from codra_dsl.language.model import ADAPTER, ANALYST, Parameter, Skill, Variable
 
 MAX_RELATED_PLACES = 5
@@ -69,13 +68,10 @@ def decisions_without_observer(spec_index: SpecIndex, faults: FaultyElements) ->
             continue
         (skill, place), *others = mentions
         agents_text = " and ".join(f"agent '{name}'" for name in sources)
-        is_direct = any(reference.name == variable.name for reference in skill.preview)
-        if not is_direct and {ADAPTER, ANALYST} & {*sources}:
-            continue
-        value_text = f"'{variable.name}'" if is_direct else f"a value derived from '{variable.name}'"
         yield finding(
             "decision-without-observer",
-            f"skill '{skill.name}' decides on {value_text}, which nothing can observe: only {agents_text} can write it",
+            f"skill '{skill.name}' decides on '{variable.name}', which nothing can observe: "
+            f"only {agents_text} can write it",
             place,
             path=f"skills.{skill.name}.preview",
             help="add an algorithm that identifies it, or 'main_execution' to its 'source' "
@@ -119,30 +115,8 @@ def _preview_mentions(spec_index: SpecIndex, faults: FaultyElements) -> _Mention
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
     for skill in _sound_skills(spec_index, faults, "preview"):
         for reference in skill.preview:
-            for name in _decided_names(spec_index, reference.name):
-                mentions.setdefault(name, []).append((skill, reference.place))
+            mentions.setdefault(reference.name, []).append((skill, reference.place))
     return mentions
-
-
-def _decided_names(spec_index: SpecIndex, name: str) -> Iterable[str]:
-    """Return a variable and those from which it is derived, without those that may stay unknown."""
-    names = {name: None}
-    pending = [name]
-    while pending:
-        variable = spec_index.variables.get(pending.pop())
-        tree = None if variable is None or variable.derived is None else variable.derived.tree
-        new_names = [] if tree is None else [name for name in _needed_names(tree) if name not in names]
-        names.update(dict.fromkeys(new_names))
-        pending += new_names
-    return names
-
-
-def _needed_names(part: Node) -> Iterator[str]:
-    if isinstance(part, Name):
-        yield part.name
-    elif not isinstance(part, Fallback) and not (isinstance(part, Call) and part.function == "known"):
-        for inner_part in parts(part):
-            yield from _needed_names(inner_part)
 
 
 def _monitor_mentions(spec_index: SpecIndex, faults: FaultyElements) -> _Mentions:

@@ -8,12 +8,11 @@ from functools import lru_cache
 
 from codra_dsl.language.expression import Node, SyntaxProblem, names_in, parse, parse_derivation, parse_over_context
 from codra_dsl.language.load.yaml.fixes import trap_fix
-from codra_dsl.language.load.yaml.nodes import Letters, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.language.load.yaml.nodes import LetterRuns, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader, Suspect
-from codra_dsl.language.load.yaml.source_offsets import cut, letters_of_scalar
+from codra_dsl.language.load.yaml.source_offsets import cut, letter_runs
 from codra_dsl.language.load.yaml.traps import Openings, cut_off_by_comment_trap, torn_at_comma_trap
-from codra_dsl.language.model import Condition
-from codra_dsl.language.model import Letters as PlacedLetters
+from codra_dsl.language.model import Condition, Letters
 
 MAX_PIECES = 50
 """The maximum number of pieces of a split condition that are joined again."""
@@ -64,11 +63,11 @@ def read_condition(reader: Reader, node: YamlNode, *steps: str, grammar: Grammar
     return condition
 
 
-def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
+def condition_text(reader: Reader, node: YamlNode) -> tuple[str, LetterRuns]:
     """Return the text of a scalar on one line without surrounding blanks, and the positions of its letters."""
     if not isinstance(node, ScalarNode):
         return "", ()
-    letters = letters_of_scalar(node, reader.origin.source.text)
+    letters = letter_runs(node, reader.origin.source.text)
     text = node.text
     if node.style is Style.PLAIN and node.filled_text is None:
         return text, letters
@@ -81,7 +80,7 @@ def build_condition(
     reader: Reader,
     node: YamlNode,
     text: str,
-    letters: Letters,
+    letters: LetterRuns,
     steps: tuple[str, ...],
     *,
     grammar: Grammar | None = None,
@@ -94,7 +93,7 @@ def build_condition(
     tree = None if node.reported else (grammar or _cached_tree)(text)
     if not isinstance(tree, Node):
         reader.damage(*steps)
-    placed_letters = PlacedLetters(reader.place_of, letters) if letters else None
+    placed_letters = Letters(reader.place_of, letters) if letters else None
     return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed_letters)
 
 

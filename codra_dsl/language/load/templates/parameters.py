@@ -13,7 +13,7 @@ from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries
-from codra_dsl.language.load.yaml.source_offsets import letters_of_scalar
+from codra_dsl.language.load.yaml.source_offsets import letter_runs
 from codra_dsl.language.model import Letters
 
 MAX_PARAMETER_REPAIRS = 20
@@ -227,5 +227,5 @@ def _has_parameter(scalar: ScalarNode) -> bool:
 
 def _place_finder(origin: Origin, scalar: ScalarNode) -> Callable[[int, int], Place]:
     """Return a function that returns the place of a range of a scalar's text."""
-    letters = Letters(origin.place, letters_of_scalar(scalar, origin.source.text))
+    letters = Letters(origin.place, letter_runs(scalar, origin.source.text))
     return lambda start, end: letters.place(start, end) or origin.of(scalar)

@@ -29,13 +29,12 @@ from codra_dsl.language.load.templates.parameters import (
 )
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.names import check_name, is_identifier
-from codra_dsl.language.load.yaml.nodes import Letters, MappingNode, ScalarNode, SequenceNode, YamlNode, scalars
+from codra_dsl.language.load.yaml.nodes import LetterRuns, MappingNode, ScalarNode, SequenceNode, YamlNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries, is_unread
-from codra_dsl.language.load.yaml.source_offsets import cut, letters_of_scalar
+from codra_dsl.language.load.yaml.source_offsets import cut, letter_runs
 from codra_dsl.language.load.yaml.traps import Openings
-from codra_dsl.language.model import Letters as PlacedLetters
-from codra_dsl.language.model import Literal
+from codra_dsl.language.model import Letters, Literal
 from codra_dsl.language.units import parse_quantity
 
 DEFINITIONS = {
@@ -129,7 +128,7 @@ class Piece:
 
     parameter: str
     text: str
-    letters: Letters
+    letters: LetterRuns
     quote: str = ""
 
 
@@ -187,7 +186,7 @@ class Template:
         """Return the places of `$(NAME)` for each parameter that is mentioned; a repaired parameter has no place."""
         mentions: dict[str, list[Place]] = {}
         for piece in (piece for pattern in self.patterns.values() for piece in pattern.pieces if piece.parameter):
-            place = PlacedLetters(self.origin.place, piece.letters).place(0, len(piece.text))
+            place = Letters(self.origin.place, piece.letters).place(0, len(piece.text))
             if place is not None:
                 mentions.setdefault(piece.parameter, []).append(place)
         return mentions
@@ -380,12 +379,12 @@ class _Survey:
             "$(" in text or (_PARAMETER_MARK.search(text) and repair_parameter(text, self._parameters))
         ):
             return False
-        letters = letters_of_scalar(node, self._origin.source.text)
+        letters = letter_runs(node, self._origin.source.text)
         for _ in range(MAX_PARAMETER_REPAIRS):
             repair = repair_parameter(text, self._parameters)
             if repair is None or (text.startswith("(") and position in (Position.CONDITION, Position.TEXT)):
                 break  # conditions and prose may begin with a parenthesis
-            place = PlacedLetters(self._origin.place, letters).place(repair.start, repair.end) or self._origin.of(node)
+            place = Letters(self._origin.place, letters).place(repair.start, repair.end) or self._origin.of(node)
             self._report("ill-formed-parameter", repair.message, place, f"write {repair.parameter}")
             text, letters = repair.text, ()
         pattern = Pattern(_split_text(text, letters, position, self._corrections), position)
@@ -420,7 +419,7 @@ class _Survey:
         return True
 
     def _place(self, node: ScalarNode, piece: Piece) -> Place:
-        return PlacedLetters(self._origin.place, piece.letters).place(0, len(piece.text)) or self._origin.of(node)
+        return Letters(self._origin.place, piece.letters).place(0, len(piece.text)) or self._origin.of(node)
 
     def _report(self, rule: str, message: str, place: Place, help_text: str) -> None:
         self._findings.add(rule, message, place, help=help_text, path=self._path)
@@ -437,7 +436,9 @@ def _position_of_value(position: Position, section: str, key: str) -> Position:
     return Position.TEXT if key in _TEXT_KEYS else Position.VALUE
 
 
-def _split_text(text: str, letters: Letters, position: Position, corrections: Mapping[str, str]) -> tuple[Piece, ...]:
+def _split_text(
+    text: str, letters: LetterRuns, position: Position, corrections: Mapping[str, str]
+) -> tuple[Piece, ...]:
     """Return the pieces of a text, with the names of parameters corrected."""
     pieces: list[Piece] = []
     offset = 0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 Data = bool | int | float | str | None
 """The value of a scalar."""
 
-Letters = tuple[tuple[int, int, int], ...]
+LetterRuns = tuple[tuple[int, int, int], ...]
 """The positions of the letters of a text, in the form of `codra_dsl.language.model.Letters.runs`."""
 
 
@@ -36,9 +36,9 @@ class FilledText(NamedTuple):
     """
 
     written: str
-    pieces: tuple[tuple[str, Letters], ...]
+    pieces: tuple[tuple[str, LetterRuns], ...]
 
-    def letters(self) -> Letters:
+    def letters(self) -> LetterRuns:
         """Return the positions of the letters of the new text."""
         runs: list[tuple[int, int, int]] = []
         offset = 0

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from codra_dsl.language.load.yaml.nodes import Letters, ScalarNode, Style
+from codra_dsl.language.load.yaml.nodes import LetterRuns, ScalarNode, Style
 
 _BLANKS = " \t\r\n"
 _ESCAPE_WIDTHS = {"x": 4, "u": 6, "U": 10}
 
 
-def letters_of_scalar(node: ScalarNode, text: str) -> Letters:
+def letter_runs(node: ScalarNode, text: str) -> LetterRuns:
     """Return the positions of a scalar's letters in its file's text; empty if they cannot be matched."""
     if node.filled_text is not None:
         return node.filled_text.letters()
@@ -22,7 +22,7 @@ def letters_of_scalar(node: ScalarNode, text: str) -> Letters:
     return _align(node, text, start, node.end)
 
 
-def cut(letters: Letters, start: int, end: int, offset: int) -> Letters:
+def cut(letters: LetterRuns, start: int, end: int, offset: int) -> LetterRuns:
     """Return the positions of the letters [start, end) of a text, for another text in which they begin at `offset`."""
     runs: list[tuple[int, int, int]] = []
     for index, (first, position, width) in enumerate(letters):
@@ -34,7 +34,7 @@ def cut(letters: Letters, start: int, end: int, offset: int) -> Letters:
     return tuple(runs)
 
 
-def _align(node: ScalarNode, text: str, start: int, end: int) -> Letters:
+def _align(node: ScalarNode, text: str, start: int, end: int) -> LetterRuns:
     """Match a scalar with its written form letter by letter; only blanks may differ."""
     runs: list[tuple[int, int, int]] = []
     position = start

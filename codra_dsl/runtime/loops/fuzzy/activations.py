@@ -11,7 +11,7 @@ import operator
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from codra_dsl.runtime.loops.fuzzy.terms import divided
+from codra_dsl.runtime.loops.fuzzy.terms import quotient
 
 COMPARATORS: Mapping[str, Callable[[float, float], bool]] = MappingProxyType(
     {
@@ -70,7 +70,7 @@ def _select_first_by_key(degrees: tuple[float, ...], rules: int, keys: list[floa
 def proportional(degrees: tuple[float, ...]) -> tuple[float | None, ...]:
     """Return, for each degree above 0, its share of the sum of these degrees."""
     total = sum(degree for degree in degrees if degree > 0.0)
-    return tuple(divided(degree, total) if degree > 0.0 else None for degree in degrees)
+    return tuple(quotient(degree, total) if degree > 0.0 else None for degree in degrees)
 
 
 def hedged(degree: float | None, hedge: Callable[[float], float]) -> float | None:

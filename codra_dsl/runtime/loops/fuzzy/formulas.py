@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from codra_dsl.runtime.loops.fuzzy.terms import divided
+from codra_dsl.runtime.loops.fuzzy.terms import quotient
 
 UFUNCS: Mapping[str, np.ufunc] = MappingProxyType(
     {
@@ -64,7 +64,7 @@ PLAIN_FUNCTIONS: Mapping[str, Callable[..., float]] = MappingProxyType(
         "+": lambda a, b: a + b,
         "-": lambda a, b: a - b,
         "*": lambda a, b: a * b,
-        "/": divided,
+        "/": quotient,
         "gt": lambda a, b: float(a > b),
         "ge": lambda a, b: float(a >= b or _are_same(a, b)),
         "eq": lambda a, b: float(_are_same(a, b)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codra_dsl.runtime.loops.fuzzy.terms import divided
+from codra_dsl.runtime.loops.fuzzy.terms import quotient
 
 
 def algebraic_product(a: float, b: float) -> float:
@@ -23,12 +23,12 @@ def drastic_product(a: float, b: float) -> float:
 
 def einstein_product(a: float, b: float) -> float:
     """Return a * b / (2 - (a + b - a * b))."""
-    return divided(a * b, 2.0 - (a + b - a * b))
+    return quotient(a * b, 2.0 - (a + b - a * b))
 
 
 def hamacher_product(a: float, b: float) -> float:
     """Return a * b / (a + b - a * b), and 0 for two zeros."""
-    return divided(a * b, a + b - a * b) if a + b != 0.0 else 0.0
+    return quotient(a * b, a + b - a * b) if a + b != 0.0 else 0.0
 
 
 def minimum(a: float, b: float) -> float:
@@ -59,7 +59,7 @@ def drastic_sum(a: float, b: float) -> float:
 
 def einstein_sum(a: float, b: float) -> float:
     """Return (a + b) / (1 + a b)."""
-    return divided(a + b, 1.0 + a * b)
+    return quotient(a + b, 1.0 + a * b)
 
 
 def hamacher_sum(a: float, b: float) -> float:
@@ -71,8 +71,8 @@ def hamacher_sum(a: float, b: float) -> float:
     if (a > 0.5 or b > 0.5) and a * b != 1.0:
         missing_a, missing_b = 1.0 - a, 1.0 - b
         missing_product = missing_a * missing_b
-        return 1.0 - divided(missing_product, missing_a + missing_b - missing_product)
-    return divided(a + b - 2.0 * a * b, 1.0 - a * b) if a * b != 1.0 else 1.0
+        return 1.0 - quotient(missing_product, missing_a + missing_b - missing_product)
+    return quotient(a + b - 2.0 * a * b, 1.0 - a * b) if a * b != 1.0 else 1.0
 
 
 def maximum(a: float, b: float) -> float:

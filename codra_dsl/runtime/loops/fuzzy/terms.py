@@ -12,7 +12,7 @@ from bisect import bisect_right
 _LARGEST_EXPONENT = 709.0
 
 
-def divided(a: float, b: float) -> float:
+def quotient(a: float, b: float) -> float:
     """Return a / b; infinite or NaN if b is 0."""
     if b != 0.0:
         return a / b
@@ -53,7 +53,7 @@ def arc(x: float, start: float, end: float, height: float = 1.0) -> float:
     radius = end - start
     centre = start + radius
     if (start > end and centre <= x <= start) or (start < end and start <= x <= centre):
-        return height * divided(root(radius * radius - (x - centre) * (x - centre)), abs(radius))
+        return height * quotient(root(radius * radius - (x - centre) * (x - centre)), abs(radius))
     return height if (start > end and x < end) or (start < end and x > end) else 0.0
 
 
@@ -61,7 +61,7 @@ def bell(x: float, center: float, width: float, slope: float, height: float = 1.
     """Return the membership in a generalised bell."""
     if x != x:
         return math.nan
-    return height * (1.0 / (1.0 + power(abs(divided(x - center, width)), 2.0 * slope)))
+    return height * (1.0 / (1.0 + power(abs(quotient(x - center, width)), 2.0 * slope)))
 
 
 def binary(x: float, start: float, direction: float, height: float = 1.0) -> float:
@@ -76,9 +76,9 @@ def concave(x: float, inflection: float, end: float, height: float = 1.0) -> flo
     if x != x:
         return math.nan
     if inflection <= end and x < end:
-        return height * divided(end - inflection, 2.0 * end - inflection - x)
+        return height * quotient(end - inflection, 2.0 * end - inflection - x)
     if inflection >= end and x > end:
-        return height * divided(inflection - end, inflection - 2.0 * end + x)
+        return height * quotient(inflection - end, inflection - 2.0 * end + x)
     return height
 
 
@@ -93,7 +93,7 @@ def cosine(x: float, center: float, width: float, height: float = 1.0) -> float:
         return math.nan
     if math.isinf(x) or not center - 0.5 * width <= x <= center + 0.5 * width:
         return 0.0
-    angle = divided(2.0, width) * math.pi * (x - center)
+    angle = quotient(2.0, width) * math.pi * (x - center)
     return math.nan if math.isinf(angle) else height * (0.5 * (1.0 + math.cos(angle)))
 
 
@@ -119,7 +119,7 @@ def discrete(x: float, xs: tuple[float, ...], ys: tuple[float, ...], height: flo
 def gaussian(x: float, mean: float, standard_deviation: float, height: float = 1.0) -> float:
     """Return the membership in a Gaussian bell curve."""
     away = x - mean
-    return height * exponential(divided(-(away * away), 2.0 * (standard_deviation * standard_deviation)))
+    return height * exponential(quotient(-(away * away), 2.0 * (standard_deviation * standard_deviation)))
 
 
 def gaussian_product(
@@ -181,7 +181,7 @@ def semi_ellipse(x: float, start: float, end: float, height: float = 1.0) -> flo
         return 0.0
     radius = (right - left) / 2.0
     away = x - (left + radius)
-    return height * divided(root(radius * radius - away * away), radius)
+    return height * quotient(root(radius * radius - away * away), radius)
 
 
 def sigmoid(x: float, inflection: float, slope: float, height: float = 1.0) -> float:
@@ -203,7 +203,7 @@ def sigmoid_product(x: float, left: float, rising: float, falling: float, right:
 
 def spike(x: float, center: float, width: float, height: float = 1.0) -> float:
     """Return the membership in a peak that falls exponentially to both sides."""
-    return height * exponential(-abs(divided(10.0, width) * (x - center)))
+    return height * exponential(-abs(quotient(10.0, width) * (x - center)))
 
 
 def s_shape(x: float, start: float, end: float, height: float = 1.0) -> float:
@@ -213,10 +213,10 @@ def s_shape(x: float, start: float, end: float, height: float = 1.0) -> float:
     if x <= start:
         return 0.0
     if x <= 0.5 * (start + end):
-        share = divided(x - start, end - start)
+        share = quotient(x - start, end - start)
         return height * (2.0 * (share * share))
     if x < end:
-        share = divided(x - end, end - start)
+        share = quotient(x - end, end - start)
         return height * (1.0 - 2.0 * (share * share))
     return height
 
@@ -254,10 +254,10 @@ def z_shape(x: float, start: float, end: float, height: float = 1.0) -> float:
     if x <= start:
         return height
     if x < 0.5 * (start + end):
-        share = divided(x - start, end - start)
+        share = quotient(x - start, end - start)
         return height * (1.0 - 2.0 * (share * share))
     if x < end:
-        share = divided(x - end, end - start)
+        share = quotient(x - end, end - start)
         return height * (2.0 * (share * share))
     return 0.0
 
@@ -265,35 +265,35 @@ def z_shape(x: float, start: float, end: float, height: float = 1.0) -> float:
 def arc_inverse(y: float, start: float, end: float, height: float = 1.0) -> float:
     """Return the x at which an arc has the degree y."""
     radius = end - start
-    share = divided(y * radius, height)
+    share = quotient(y * radius, height)
     away = root(radius * radius - share * share)
     return start + radius + (-away if start < end else away)
 
 
 def concave_inverse(y: float, inflection: float, end: float, height: float = 1.0) -> float:
     """Return the x at which a concave term has the degree y."""
-    return divided(height * (inflection - end), y) + 2.0 * end - inflection
+    return quotient(height * (inflection - end), y) + 2.0 * end - inflection
 
 
 def ramp_inverse(y: float, start: float, end: float, height: float = 1.0) -> float:
     """Return the x at which a ramp has the degree y."""
-    return start + divided((end - start) * y, height)
+    return start + quotient((end - start) * y, height)
 
 
 def sigmoid_inverse(y: float, inflection: float, slope: float, height: float = 1.0) -> float:
     """Return the x at which a logistic curve has the degree y."""
-    return inflection + divided(logarithm(divided(height, y) - 1.0), -slope)
+    return inflection + quotient(logarithm(quotient(height, y) - 1.0), -slope)
 
 
 def s_shape_inverse(y: float, start: float, end: float, height: float = 1.0) -> float:
     """Return the x at which an S-shape has the degree y."""
     if y <= height / 2.0:
-        return start + (end - start) * root(divided(y, 2.0 * height))
-    return end - (end - start) * root(divided(height - y, 2.0 * height))
+        return start + (end - start) * root(quotient(y, 2.0 * height))
+    return end - (end - start) * root(quotient(height - y, 2.0 * height))
 
 
 def z_shape_inverse(y: float, start: float, end: float, height: float = 1.0) -> float:
     """Return the x at which a Z-shape has the degree y."""
     if y <= height / 2.0:
-        return end - (end - start) * root(divided(y, 2.0 * height))
-    return start + (end - start) * root(divided(height - y, 2.0 * height))
+        return end - (end - start) * root(quotient(y, 2.0 * height))
+    return start + (end - start) * root(quotient(height - y, 2.0 * height))

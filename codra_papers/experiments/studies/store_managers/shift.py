@@ -105,12 +105,12 @@ class Staging:
         """
         self._shift = shift
         self._store = store
-        self._pending_acts = sorted(self._schedule(), key=lambda act: act[0])
+        self._pending_actions = sorted(self._schedule(), key=lambda action: action[0])
         place = AREAS[shift.areas[2]].places[1 if shift.is_hidden else 0]
         store.world.move_container(_SPARE_CONTAINER, place, Whereabouts.FLOOR)
         store.world.set_load(_SPARE_CONTAINER, Load.FULL)
         self._set_load(Load.LOADING)
-        store.world.watch(self._carry_out_due_acts)
+        store.world.watch(self._carry_out_due_actions)
 
     def _schedule(self) -> Iterator[tuple[float, Callable[[], object]]]:
         shift, order = self._shift, self._store.page.order
@@ -122,10 +122,10 @@ class Staging:
         for number, visit in enumerate(shift.visits, 1):
             yield visit.at_s, partial(self._add_visitor, number, visit)
 
-    def _carry_out_due_acts(self, state: StoreState) -> None:
-        while self._pending_acts and state.instant_s >= self._pending_acts[0][0]:
-            _, act = self._pending_acts.pop(0)
-            act()
+    def _carry_out_due_actions(self, state: StoreState) -> None:
+        while self._pending_actions and state.instant_s >= self._pending_actions[0][0]:
+            _, action = self._pending_actions.pop(0)
+            action()
 
     def _set_load(self, load: Load) -> None:
         self._store.world.set_load(_FIRST_CONTAINER, load)
