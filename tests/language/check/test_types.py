@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given, settings
 
 from codra_dsl.language.check import RULES
+from codra_dsl.language.check.conditions.fitting import fit
 from codra_dsl.language.check.conditions.lowering import to_python
-from codra_dsl.language.check.conditions.types import Type, fit, infer, infer_condition
+from codra_dsl.language.check.conditions.types import Type, infer, infer_condition
 from codra_dsl.language.expression import Node, names_in, parse
 from codra_dsl.language.model import Kind
 from codra_dsl.language.units import UNITS

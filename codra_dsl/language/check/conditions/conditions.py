@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from enum import StrEnum
 
+from codra_dsl.language.check.conditions.fitting import fit
 from codra_dsl.language.check.conditions.lowering import to_python
-from codra_dsl.language.check.conditions.types import Problem, Type, Typed, Types, fit, infer, infer_condition
+from codra_dsl.language.check.conditions.types import Problem, Type, Typed, Types, infer, infer_condition
 from codra_dsl.language.expression import (
     Call,
     Name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -153,68 +153,15 @@ def infer_condition(node: Node, types: Types, *, reads_context: bool) -> tuple[T
     return typed, tuple(inference.problems)
 
 
-def fit(value: Typed, wanted_type: Type, name: str, *, may_map: bool) -> Iterator[Problem]:
-    """Yield the reasons why a value does not fit the context-variable with this type and name.
-
-    `may_map` states whether the value may be a mapping from members to conditions.
-    """
-    given = value.type
-    if given is None:
-        return
+def unknown_member_problems(value: Typed, wanted_type: Type, owner: str) -> list[Problem]:
+    """Return the problems of the literal texts in a value that are no members of an enum of `owner`."""
     inference = _Inference({}, reads_context=False)
-    if wanted_type.kind is Kind.ENUM and given.kind is Kind.STR and given.is_literal:
-        inference.check_members(value, wanted_type, f"'{name}'")
-        yield from inference.problems
-    elif wanted_type.kind is Kind.ENUM and given.kind is Kind.ENUM:
-        unknown_members = [member for member in given.values if member not in wanted_type.values]
-        if unknown_members:
-            help = _members_help(wanted_type, "CONDITION", may_map=may_map)
-            message = f"'{unknown_members[0]}' of {written_text(value.node)} is not a value of '{name}'"
-            yield Problem("unknown-member", value.node, message, help)
-    elif wanted_type.is_number and given.is_number:
-        yield from _number_problems(value, given, wanted_type, name)
-    elif wanted_type.kind != given.kind and (wanted_type.kind, given.kind) != (Kind.STR, Kind.ENUM):
-        message = f"{written_text(value.node)} is {given}, but '{name}' is {wanted_type}"
-        help = _conversion_help(value.node, given, wanted_type, may_map=may_map)
-        yield Problem("wrong-value-identified", value.node, message, help)
+    inference.check_members(value, wanted_type, owner)
+    return inference.problems
 
 
-def _number_problems(value: Typed, given: Type, wanted_type: Type, name: str) -> Iterator[Problem]:
-    has_same_dimension = given.unit.dimension == wanted_type.unit.dimension
-    is_int = given.kind is Kind.INT and (given.is_zero or given.unit == wanted_type.unit)
-    if not has_same_dimension and given.unit.dimension == ONE.dimension and not given.is_zero:
-        yield _missing_unit(value, f"'{name}'", wanted_type.unit)
-    elif not has_same_dimension and wanted_type.unit.dimension == ONE.dimension:
-        message = f"{written_text(value.node)} is in {given.unit}, but '{name}' has no unit"
-        yield Problem("missing-unit", value.node, message, f"declare '{name}' with 'unit: {given.unit}'")
-    elif not has_same_dimension and not given.is_zero:
-        message = f"{written_text(value.node)} is in {given.unit}, but '{name}' is in {wanted_type.unit}"
-        yield Problem("mismatched-units", value.node, message, f"give a quantity in {wanted_type.unit}")
-    elif wanted_type.kind is Kind.INT and not is_int:
-        message = f"{written_text(value.node)} is {given}, but '{name}' is {wanted_type}"
-        yield Problem("wrong-value-identified", value.node, message, f"make '{name}' a float")
-
-
-def _conversion_help(node: Node, given: Type, wanted_type: Type, *, may_map: bool) -> str:
-    if wanted_type.kind is Kind.BOOL:
-        return f"compare the value, e.g. with {_comparisons(given)}"
-    if wanted_type.kind is Kind.ENUM:
-        return _members_help(
-            wanted_type, written_text(node) if given.kind is Kind.BOOL else "CONDITION", may_map=may_map
-        )
-    if isinstance(node, Text) and wanted_type.is_number:
-        return f"write a number{f' in {wanted_type.unit}' if wanted_type.unit else ''}"
-    return f"give {wanted_type}, or change the type of the variable to {given.kind}"
-
-
-def _members_help(wanted_type: Type, condition: str, *, may_map: bool) -> str:
-    first, *others = wanted_type.values
-    if may_map:
-        return f"map the members to conditions: {{{first}: {condition}, ...}}"
-    return f'write "{first}" if {condition} else "{others[0] if others else first}"'
-
-
-def _comparisons(given: Type) -> str:
+def comparisons(given: Type) -> str:
+    """Return operators that compare values of a type, for messages."""
     return "'==' or '<'" if given.is_number else "'=='"
 
 
@@ -277,7 +224,7 @@ class _Inference:
             compared_text, operator = written_text(before.first), before.rest[0][0]
             help = f"repeat the left side: {compared_text} {operator} {written_text(typed.node)}"
         else:
-            help = f"compare it, e.g. with {_comparisons(typed.type)}"
+            help = f"compare it, e.g. with {comparisons(typed.type)}"
         node_text = written_text(typed.node)
         self._report("not-a-condition", typed, f"{node_text} is {typed.type}, not true or false", help)
         return typed
@@ -460,14 +407,15 @@ def _unit_problem(left: Typed, right: Typed) -> Problem | None:
         return None
     for bare, other in ((left, right), (right, left)):
         if bare.type and other.type and bare.type.unit.dimension == ONE.dimension:
-            return _missing_unit(bare, written_text(other.node), other.type.unit)
+            return missing_unit(bare, written_text(other.node), other.type.unit)
     message = (
         f"{written_text(left.node)} is in {left.type.unit}, but {written_text(right.node)} is in {right.type.unit}"
     )
     return Problem("mismatched-units", right.node, message, "compare quantities of one kind")
 
 
-def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
+def missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
+    """Return the problem of a number without a unit beside something that has a unit."""
     node_text = written_text(bare.node)
     if bare.type is not None and bare.type.is_literal:
         help = f"did you mean '{node_text} {unit}'?"
