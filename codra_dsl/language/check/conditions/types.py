@@ -27,7 +27,9 @@ from codra_dsl.language.expression import (
     Or,
     Text,
     Truth,
-    written_text,
+)
+from codra_dsl.language.expression import (
+    written_text as show,
 )
 from codra_dsl.language.model import FOREVER_S, Kind, ValueType
 from codra_dsl.language.units import ONE, UNITS, Unit, parse_unit
@@ -169,12 +171,12 @@ def fit(value: Typed, wanted_type: Type, name: str, *, may_map: bool) -> Iterato
         unknown_members = [member for member in given.values if member not in wanted_type.values]
         if unknown_members:
             help = _members_help(wanted_type, "CONDITION", may_map=may_map)
-            message = f"'{unknown_members[0]}' of {written_text(value.node)} is not a value of '{name}'"
+            message = f"'{unknown_members[0]}' of {show(value.node)} is not a value of '{name}'"
             yield Problem("unknown-member", value.node, message, help)
     elif wanted_type.is_number and given.is_number:
         yield from _number_problems(value, given, wanted_type, name)
     elif wanted_type.kind != given.kind and (wanted_type.kind, given.kind) != (Kind.STR, Kind.ENUM):
-        message = f"{written_text(value.node)} is {given}, but '{name}' is {wanted_type}"
+        message = f"{show(value.node)} is {given}, but '{name}' is {wanted_type}"
         help = _conversion_help(value.node, given, wanted_type, may_map=may_map)
         yield Problem("wrong-value-identified", value.node, message, help)
 
@@ -185,13 +187,13 @@ def _number_problems(value: Typed, given: Type, wanted_type: Type, name: str) ->
     if not has_same_dimension and given.unit.dimension == ONE.dimension and not given.is_zero:
         yield _missing_unit(value, f"'{name}'", wanted_type.unit)
     elif not has_same_dimension and wanted_type.unit.dimension == ONE.dimension:
-        message = f"{written_text(value.node)} is in {given.unit}, but '{name}' has no unit"
+        message = f"{show(value.node)} is in {given.unit}, but '{name}' has no unit"
         yield Problem("missing-unit", value.node, message, f"declare '{name}' with 'unit: {given.unit}'")
     elif not has_same_dimension and not given.is_zero:
-        message = f"{written_text(value.node)} is in {given.unit}, but '{name}' is in {wanted_type.unit}"
+        message = f"{show(value.node)} is in {given.unit}, but '{name}' is in {wanted_type.unit}"
         yield Problem("mismatched-units", value.node, message, f"give a quantity in {wanted_type.unit}")
     elif wanted_type.kind is Kind.INT and not is_int:
-        message = f"{written_text(value.node)} is {given}, but '{name}' is {wanted_type}"
+        message = f"{show(value.node)} is {given}, but '{name}' is {wanted_type}"
         yield Problem("wrong-value-identified", value.node, message, f"make '{name}' a float")
 
 
@@ -199,9 +201,7 @@ def _conversion_help(node: Node, given: Type, wanted_type: Type, *, may_map: boo
     if wanted_type.kind is Kind.BOOL:
         return f"compare the value, e.g. with {_comparisons(given)}"
     if wanted_type.kind is Kind.ENUM:
-        return _members_help(
-            wanted_type, written_text(node) if given.kind is Kind.BOOL else "CONDITION", may_map=may_map
-        )
+        return _members_help(wanted_type, show(node) if given.kind is Kind.BOOL else "CONDITION", may_map=may_map)
     if isinstance(node, Text) and wanted_type.is_number:
         return f"write a number{f' in {wanted_type.unit}' if wanted_type.unit else ''}"
     return f"give {wanted_type}, or change the type of the variable to {given.kind}"
@@ -274,11 +274,11 @@ class _Inference:
         if isinstance(typed.node, Text) and typed.node.value in self._types:
             help = "write the name without quotes"
         elif typed.type.is_literal and isinstance(before, Compare):
-            compared_text, operator = written_text(before.first), before.rest[0][0]
-            help = f"repeat the left side: {compared_text} {operator} {written_text(typed.node)}"
+            compared_text, operator = show(before.first), before.rest[0][0]
+            help = f"repeat the left side: {compared_text} {operator} {show(typed.node)}"
         else:
             help = f"compare it, e.g. with {_comparisons(typed.type)}"
-        node_text = written_text(typed.node)
+        node_text = show(typed.node)
         self._report("not-a-condition", typed, f"{node_text} is {typed.type}, not true or false", help)
         return typed
 
@@ -294,7 +294,7 @@ class _Inference:
         typed = self.infer(node)
         if typed.type is None or typed.type.is_number:
             return typed
-        node_text = written_text(typed.node)
+        node_text = show(typed.node)
         self._report(
             "wrong-operand", typed, f"{node_text} is {typed.type}, not a number", "calculate with numbers only"
         )
@@ -314,7 +314,7 @@ class _Inference:
 
     def _product(self, node: Arithmetic, left: Type, right: Type) -> Type | None:
         if node.operator == "/" and isinstance(node.right, Number) and node.right.value == 0:
-            message = f"{written_text(node)} has no value, because it divides by 0"
+            message = f"{show(node)} has no value, because it divides by 0"
             self.problems.append(Problem("wrong-operand", node, message, "divide by another number"))
             return None
         unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
@@ -368,7 +368,7 @@ class _Inference:
             return self._are_texts_compatible(left, right)
         if left.type.kind is right.type.kind:
             return True
-        message = f"{written_text(left.node)} is {left.type}, but {written_text(right.node)} is {right.type}"
+        message = f"{show(left.node)} is {left.type}, but {show(right.node)} is {right.type}"
         self._report("mismatched-types", right, message, _mismatch_help(left, right))
         return False
 
@@ -376,10 +376,10 @@ class _Inference:
         before = len(self.problems)
         for value, other in ((left, right), (right, left)):
             if value.type and other.type and other.type.kind is Kind.ENUM and value.type.kind is Kind.STR:
-                self.check_members(value, other.type, written_text(other.node))
+                self.check_members(value, other.type, show(other.node))
         enums = [side.type.values for side in (left, right) if side.type and side.type.kind is Kind.ENUM]
         if len(enums) == 2 and not set(enums[0]) & set(enums[1]):
-            message = f"{written_text(left.node)} and {written_text(right.node)} have no value in common"
+            message = f"{show(left.node)} and {show(right.node)} have no value in common"
             self._report("mismatched-types", right, message, "compare enums that share members")
         return len(self.problems) == before
 
@@ -410,7 +410,7 @@ class _Inference:
 
     def _check_order(self, operator: Comparison, left: Typed) -> None:
         if left.type is not None and not left.type.is_number:
-            message = f"{written_text(left.node)} is {left.type}, which cannot be ordered with '{operator}'"
+            message = f"{show(left.node)} is {left.type}, which cannot be ordered with '{operator}'"
             self._report("wrong-operand", left, message, "compare it with '==' or '!='")
 
     def _in(self, node: In) -> Typed:
@@ -460,15 +460,13 @@ def _unit_problem(left: Typed, right: Typed) -> Problem | None:
         return None
     for bare, other in ((left, right), (right, left)):
         if bare.type and other.type and bare.type.unit.dimension == ONE.dimension:
-            return _missing_unit(bare, written_text(other.node), other.type.unit)
-    message = (
-        f"{written_text(left.node)} is in {left.type.unit}, but {written_text(right.node)} is in {right.type.unit}"
-    )
+            return _missing_unit(bare, show(other.node), other.type.unit)
+    message = f"{show(left.node)} is in {left.type.unit}, but {show(right.node)} is in {right.type.unit}"
     return Problem("mismatched-units", right.node, message, "compare quantities of one kind")
 
 
 def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
-    node_text = written_text(bare.node)
+    node_text = show(bare.node)
     if bare.type is not None and bare.type.is_literal:
         help = f"did you mean '{node_text} {unit}'?"
     else:
