@@ -28,9 +28,7 @@ from codra_dsl.language.expression import (
     Text,
     Truth,
 )
-from codra_dsl.language.expression import (
-    written_text as show,
-)
+from codra_dsl.language.expression.poses import written_text as show
 from codra_dsl.language.model import FOREVER_S, Kind, ValueType
 from codra_dsl.language.units import ONE, UNITS, Unit, parse_unit
 
