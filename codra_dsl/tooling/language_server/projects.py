@@ -142,7 +142,10 @@ class Project:
         """Return the paths to lint: the project with specs and sites that were never saved, or the one document.
 
         A document outside of projects is linted from the moment when it is a spec, so that no keystroke ends this.
+        There are no paths after a change of settings that ends a project, or makes the document a part of one.
         """
+        if project_of(self.root) != (self.root if self._file is None else None):
+            return []
         if self._file is None:
             unsaved = (file for file in map(self.root.joinpath, texts) if not file.exists() and not is_timeline(file))
             return [self.root, *(file for file in unsaved if is_spec_or_site(file, self.root, texts))]
