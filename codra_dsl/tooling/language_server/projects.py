@@ -96,6 +96,15 @@ class Project:
         self._results: SpecResults = {}
         self._specs: dict[str, SpecNames] = {}
 
+    @classmethod
+    def of(cls, path: Path, known: dict[Path, Project]) -> Project:
+        """Return the project of a file; `known` has all earlier projects by root or, outside of projects, by file."""
+        root = project_of(path.parent)
+        key = path if root is None else root
+        if key not in known:
+            known[key] = cls(path.parent, path) if root is None else cls(root)
+        return known[key]
+
     def lint(self, documents: Documents, is_outdated: Callable[[], bool] = lambda: False) -> Checked:
         """Lint the project with the texts of open documents. Results of unchanged specs are used again.
 
@@ -161,18 +170,3 @@ class Project:
     def file_of(self, path: Path) -> str:
         """Return the name of a file in findings."""
         return relative_path(path, self.root)
-
-
-class Projects:
-    """The projects of all documents that were opened."""
-
-    def __init__(self) -> None:
-        self._projects: dict[Path, Project] = {}
-
-    def project_of(self, path: Path) -> Project:
-        """Return the project of a file."""
-        root = project_of(path.parent)
-        key = path if root is None else root
-        if key not in self._projects:
-            self._projects[key] = Project(path.parent, path) if root is None else Project(root)
-        return self._projects[key]

@@ -26,7 +26,7 @@ from codra_dsl.isolation.error_text import described
 from codra_dsl.language.diagnostics import Diagnostic, Severity, is_safe
 from codra_dsl.tooling.language_server.documents import UTF16, Document, Texts
 from codra_dsl.tooling.language_server.index import Cursor, Index
-from codra_dsl.tooling.language_server.projects import Checked, OutdatedError, Project, Projects
+from codra_dsl.tooling.language_server.projects import Checked, OutdatedError, Project
 from codra_dsl.tooling.language_server.renaming import RefusedError, rename
 
 DEBOUNCE_S = 0.15
@@ -88,7 +88,7 @@ class CodraServer(LanguageServer):
         self.is_shut_down = False
         self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="lint")
         self._open_documents: dict[str, OpenDocument] = {}
-        self._projects = Projects()
+        self._projects: dict[Path, Project] = {}
         self._linters: dict[Project, _Linter] = {}
 
     # Documents
@@ -105,7 +105,7 @@ class CodraServer(LanguageServer):
 
     def _assign(self, document: Document, path: Path) -> None:
         """Add a document to the project of its file."""
-        project = self._projects.project_of(path)
+        project = Project.of(path, self._projects)
         file = project.file_of(path)
         project.uris[file] = document.uri
         self._open_documents[document.uri] = OpenDocument(project, file, document)
