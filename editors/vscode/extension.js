@@ -9,17 +9,14 @@ let client;
 /** The changes of the client, one after the other: settings may change while the server starts. */
 let pending = Promise.resolve();
 
-/** Return the YAML documents for which the server is responsible: those at the patterns of the settings, and unsaved new ones. */
+/** Return the YAML documents for which the server is responsible: those at the patterns of the settings. */
 function documentSelector() {
   const patterns = workspace.getConfiguration("codra").get("files");
-  return [
-    { scheme: "untitled", language: "yaml" },
-    ...patterns.map((pattern) => ({ scheme: "file", language: "yaml", pattern })),
-  ];
+  return patterns.map((pattern) => ({ scheme: "file", language: "yaml", pattern }));
 }
 
 function isOurs(document) {
-  return document.uri.scheme === "file" && languages.match(documentSelector(), document) > 0;
+  return languages.match(documentSelector(), document) > 0;
 }
 
 async function start() {
@@ -31,11 +28,7 @@ async function start() {
     "codra",
     "CoDRA",
     { command, args: ["language-server"] },
-    {
-      documentSelector: documentSelector(),
-      // Findings depend on parts, sites, trees, functions of Python and settings, also if they are not open.
-      synchronize: { fileEvents: workspace.createFileSystemWatcher("**/*.{yaml,yml,xml,py,toml}") },
-    },
+    { documentSelector: documentSelector() }, // the server itself asks for reports of changed files
   );
   try {
     await client.start();

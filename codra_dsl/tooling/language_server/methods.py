@@ -92,7 +92,8 @@ def make_server() -> CodraServer:
 
 def _add_answer(server: CodraServer, method: str, answer: Answer, options: Any) -> None:
     @server.feature(method, options)
-    def _(params: Any) -> Any:
+    async def _(params: Any) -> Any:
+        await server.wait_for_names(params.text_document.uri)
         located = server.cursor(params.text_document.uri, getattr(params, "position", None))
         try:
             return None if located is None else answer(*located, params)
@@ -106,9 +107,7 @@ def _refusal(error: RefusedError) -> JsonRpcException:
 
 def _watch_files(server: CodraServer) -> None:
     """Ask the client to report changes of files on disk, if it can."""
-    workspace = server.client_capabilities.workspace
-    capability = workspace and workspace.did_change_watched_files
-    if capability and capability.dynamic_registration:
+    if server.can("workspace.did_change_watched_files.dynamic_registration"):
         watchers = [types.FileSystemWatcher(pattern) for pattern in _WATCHED_FILES]
         options = types.DidChangeWatchedFilesRegistrationOptions(watchers)
         registration = types.Registration("files", types.WORKSPACE_DID_CHANGE_WATCHED_FILES, options)

@@ -96,6 +96,15 @@ class Project:
         self._results: SpecResults = {}
         self._specs: dict[str, SpecNames] = {}
 
+    @classmethod
+    def of(cls, path: Path, known: dict[Path, Project]) -> Project:
+        """Return the project of a file; `known` has all earlier projects by root or, outside of projects, by file."""
+        root = project_of(path.parent)
+        key = path if root is None else root
+        if key not in known:
+            known[key] = cls(path.parent, path) if root is None else cls(root)
+        return known[key]
+
     def lint(self, documents: Documents, is_outdated: Callable[[], bool] = lambda: False) -> Checked:
         """Lint the project with the texts of open documents. Results of unchanged specs are used again.
 
@@ -142,7 +151,10 @@ class Project:
         """Return the paths to lint: the project with specs and sites that were never saved, or the one document.
 
         A document outside of projects is linted from the moment when it is a spec, so that no keystroke ends this.
+        There are no paths after a change of settings that ends a project, or makes the document a part of one.
         """
+        if project_of(self.root) != (self.root if self._file is None else None):
+            return []
         if self._file is None:
             unsaved = (file for file in map(self.root.joinpath, texts) if not file.exists() and not is_timeline(file))
             return [self.root, *(file for file in unsaved if is_spec_or_site(file, self.root, texts))]
@@ -158,18 +170,3 @@ class Project:
     def file_of(self, path: Path) -> str:
         """Return the name of a file in findings."""
         return relative_path(path, self.root)
-
-
-class Projects:
-    """The projects of all documents that were opened."""
-
-    def __init__(self) -> None:
-        self._projects: dict[Path, Project] = {}
-
-    def project_of(self, path: Path) -> Project:
-        """Return the project of a file."""
-        root = project_of(path.parent)
-        key = path if root is None else root
-        if key not in self._projects:
-            self._projects[key] = Project(path.parent, path) if root is None else Project(root)
-        return self._projects[key]

@@ -16,6 +16,7 @@ from typing import Any
 
 from lsprotocol import types
 from pygls import uris
+from pygls.capabilities import get_capability
 from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol
@@ -25,7 +26,7 @@ from codra_dsl.isolation.error_text import described
 from codra_dsl.language.diagnostics import Diagnostic, Severity, is_safe
 from codra_dsl.tooling.language_server.documents import UTF16, Document, Texts
 from codra_dsl.tooling.language_server.index import Cursor, Index
-from codra_dsl.tooling.language_server.projects import Checked, OutdatedError, Project, Projects
+from codra_dsl.tooling.language_server.projects import Checked, OutdatedError, Project
 from codra_dsl.tooling.language_server.renaming import RefusedError, rename
 
 DEBOUNCE_S = 0.15
@@ -81,10 +82,13 @@ class CodraServer(LanguageServer):
 
     def __init__(self) -> None:
         super().__init__("codra", codra_dsl.__version__, protocol_cls=_Protocol)
+        for method in (types.TEXT_DOCUMENT_DID_OPEN, types.TEXT_DOCUMENT_DID_CHANGE, types.TEXT_DOCUMENT_DID_CLOSE):
+            # pygls would keep a second copy of each text, and report a change of a text that is not open as an error
+            del self.protocol.fm.builtin_features[method]
         self.is_shut_down = False
         self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="lint")
         self._open_documents: dict[str, OpenDocument] = {}
-        self._projects = Projects()
+        self._projects: dict[Path, Project] = {}
         self._linters: dict[Project, _Linter] = {}
 
     # Documents
@@ -101,7 +105,7 @@ class CodraServer(LanguageServer):
 
     def _assign(self, document: Document, path: Path) -> None:
         """Add a document to the project of its file."""
-        project = self._projects.project_of(path)
+        project = Project.of(path, self._projects)
         file = project.file_of(path)
         project.uris[file] = document.uri
         self._open_documents[document.uri] = OpenDocument(project, file, document)
@@ -156,11 +160,23 @@ class CodraServer(LanguageServer):
                 diagnostics = [_diagnostic(finding, texts) for finding in findings]
                 params = types.PublishDiagnosticsParams(document.uri, diagnostics, document.version)
                 self.text_document_publish_diagnostics(params)
+        if self.can("workspace.semantic_tokens.refresh_support"):
+            self.workspace_semantic_tokens_refresh(None)  # clients may have asked before the names were known
 
     def _texts(self, project: Project, documents: Mapping[str, Document]) -> Texts:
         return Texts(project.root, documents, self.workspace.position_encoding or UTF16, project.uris)
 
     # Answers
+
+    def can(self, capability: str) -> bool:
+        """Return whether the client has a capability, such as `workspace.workspace_edit.document_changes`."""
+        return bool(get_capability(self.client_capabilities, capability))
+
+    async def wait_for_names(self, uri: str) -> None:
+        """Wait until a document has been linted for the first time; clients ask at once for its symbols."""
+        opened = self._open_documents.get(uri)
+        if opened is not None and opened.file not in opened.project.checked.documents:
+            await self._linters[opened.project].settle()
 
     def cursor(self, uri: str, position: types.Position | None) -> tuple[Project, Cursor] | None:
         """Return a position in an open document; None for other documents. No position is the beginning."""
@@ -214,8 +230,7 @@ class CodraServer(LanguageServer):
     @property
     def _has_versions(self) -> bool:
         """Whether the client applies edits only to the versions for which they were computed."""
-        workspace = self.client_capabilities.workspace
-        return bool(workspace and workspace.workspace_edit and workspace.workspace_edit.document_changes)
+        return self.can("workspace.workspace_edit.document_changes")
 
 
 def _diagnostic(finding: Diagnostic, texts: Texts) -> types.Diagnostic:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from codra_dsl.compiler import lint_paths
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.tooling.language_server.documents import Document
-from codra_dsl.tooling.language_server.projects import OutdatedError, Project, Projects
+from codra_dsl.tooling.language_server.projects import OutdatedError, Project
 from tests.tooling.language_server.workspace import FILES, Workspace
 
 EDITED_FILES = ("hall.yaml", "parts/lights.yaml", "sites/north.yaml")
@@ -102,8 +102,8 @@ def test_unsaved_text_that_names_a_part_makes_it_a_spec(tmp_path: Path) -> None:
 
 def test_outside_of_projects_only_the_document_is_linted_and_only_if_it_is_a_spec(tmp_path: Path) -> None:
     (tmp_path / "other.yaml").write_text("codra: 1\nname: [\n")
-    projects = Projects()
-    spec, foreign = projects.project_of(tmp_path / "a.yaml"), projects.project_of(tmp_path / "compose.yaml")
+    known: dict[Path, Project] = {}
+    spec, foreign = Project.of(tmp_path / "a.yaml", known), Project.of(tmp_path / "compose.yaml", known)
 
     checked = spec.lint({"a.yaml": Document("codra: 1\nname: a\nskills: {go: {preview: [x]}}\n")})
     assert [finding.code for finding in checked.diagnostics] == ["CDR3101"]
@@ -129,9 +129,8 @@ def test_a_deleted_spec_has_no_names_any_more(tmp_path: Path) -> None:
 
 def test_projects_are_found_by_their_settings(tmp_path: Path) -> None:
     Workspace(tmp_path)
-    projects = Projects()
+    known: dict[Path, Project] = {}
 
-    project = projects.project_of(tmp_path / "hall.yaml")
-    assert project is projects.project_of(tmp_path / "parts/lights.yaml")
-    assert isinstance(project, Project)
+    project = Project.of(tmp_path / "hall.yaml", known)
+    assert project is Project.of(tmp_path / "parts/lights.yaml", known)
     assert project.file_of(tmp_path / "parts/lights.yaml") == "parts/lights.yaml"

@@ -178,6 +178,54 @@ def test_a_document_belongs_to_a_project_that_is_made_while_the_document_is_open
     session(tmp_path, play)
 
 
+def test_the_findings_of_a_project_end_with_the_project(tmp_path: Path) -> None:
+    async def play(client: Client) -> None:
+        (tmp_path / "other.yaml").write_text("codra: 1\nname: other\nskills: {go: {preview: [x]}}\n", "utf-8")
+        client.open("hall.yaml")
+        assert [finding["code"] for finding in await client.findings("other.yaml", None)] == ["CDR3101"]
+        (tmp_path / "pyproject.toml").unlink()
+        client.notify("workspace/didChangeWatchedFiles", {"changes": []})
+        assert await client.findings("other.yaml", None) == []
+
+    session(tmp_path, play)
+
+
+def test_a_document_has_symbols_and_tokens_as_soon_as_it_is_open(tmp_path: Path) -> None:
+    """Editors ask once, directly after they have opened it."""
+
+    async def play(client: Client) -> None:
+        client.open("hall.yaml")
+        params = {"textDocument": {"uri": client.uri("hall.yaml")}}
+        assert (await client.request("textDocument/documentSymbol", params))["result"]
+        assert (await client.request("textDocument/semanticTokens/full", params))["result"]["data"]
+
+    session(tmp_path, play)
+
+
+def test_clients_ask_for_tokens_again_after_each_result_if_they_can(tmp_path: Path) -> None:
+    async def play(client: Client) -> None:
+        client.open("hall.yaml")
+        await client.findings("hall.yaml", 1)
+
+    refreshing = {"workspace": {"semanticTokens": {"refreshSupport": True}}}
+    requests = [received.get("method") for received in session(tmp_path, play, refreshing).received]
+    assert requests.count("workspace/semanticTokens/refresh") == 1
+    requests = [received.get("method") for received in session(tmp_path, play).received]
+    assert "workspace/semanticTokens/refresh" not in requests
+
+
+def test_changes_of_a_document_that_is_not_open_are_ignored(tmp_path: Path) -> None:
+    async def play(client: Client) -> None:
+        document = {"uri": client.uri("hall.yaml"), "version": 7}
+        change = {"textDocument": document, "contentChanges": [{"text": ""}]}
+        client.notify("textDocument/didChange", change)
+        client.notify("textDocument/didClose", {"textDocument": document})
+        client.open("hall.yaml")
+        assert await client.findings("hall.yaml", 1) == []
+
+    assert [received.get("method") for received in session(tmp_path, play).received if "method" in received] == []
+
+
 def test_files_of_the_project_are_watched_if_the_client_can(tmp_path: Path) -> None:
     async def play(client: Client) -> None:
         client.open("hall.yaml")
