@@ -48,7 +48,10 @@ def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
             search.assume_running(never_running_names)
             continue
         awaited_names = search.awaited_names()
-        for component in _innermost_components(awaited_names):
+        components = tuple(_innermost_components(awaited_names))
+        if not components:  # an algorithm with wrong conditions can wait without a cycle: another finding has the cause
+            return
+        for component in components:
             yield _cycle_finding(
                 spec_index, search, graph.shortest_cycle({name: awaited_names[name] for name in component})
             )
