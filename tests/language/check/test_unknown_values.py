@@ -225,7 +225,7 @@ def test_an_input_states_how_long_it_is_valid_unless_the_value_judges_its_age(
     ("otherwise", "expected"),
     [
         ("3", ("missing-unit", "3", "3 has no unit, but 'max_speed' is in m/s", "write '3 m/s'")),
-        ("2 m/s", ("value-leaves-range", "2 m/s", "", "")),
+        ("2 m/s", ("constant-out-of-range", "2 m/s", "", "")),
     ],
 )
 def test_otherwise_has_the_type_and_the_range_of_the_variable(
