@@ -58,7 +58,11 @@ class Run:
 
     def interrupt(self) -> tuple[int, str, str]:
         self.process.send_signal(signal.SIGINT)
-        output, errors = self.process.communicate(timeout=TIMEOUT_S)
+        try:
+            output, errors = self.process.communicate(timeout=TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise
         return self.process.returncode, output, errors
 
     def kill(self) -> None:
