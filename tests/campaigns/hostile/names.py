@@ -98,14 +98,15 @@ def _named_on_command_line(chance: Random) -> Files:
     """Return a command with a name as an argument."""
     name = _name(chance, []).replace("\x00", "").replace("\n", " ")[:5000]
     name = name.encode("utf-8", "surrogateescape" if "\ud800" not in name else "replace").decode("utf-8")
+    path = name.replace("..", "").lstrip("/")  # a command may read any file that its caller names
     arguments = chance.choice(
         (
             ("init", f"{OUT}/new", "--name", name),
             ("explain", name),
-            ("lint", name),
+            ("lint", path),
             ("graph", "spec.yaml", "--select", name),
-            ("diff", name, "spec.yaml"),
-            ("compile", "spec.yaml", "--out", f"{OUT}/{name.replace('..', '')}"),
+            ("diff", path, "spec.yaml"),
+            ("compile", "spec.yaml", "--out", f"{OUT}/{path}"),
         )
     )
     spec = chance.choice(_specs())["spec.yaml"].encode()

@@ -10,12 +10,15 @@ import pytest
 
 from codra_dsl.compiler import plan_text
 from codra_dsl.language.check.conditions.types import Type
+from codra_dsl.language.check.graph.cycles import cycles
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.budget import Budget, OutOfBudgetError, shared_budget, spend, spend_on_digits
 from codra_dsl.language.check.solver.satisfiable import always_holds, can_hold, implies
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.expression import Node, parse
 from codra_dsl.language.model import Kind
 from codra_dsl.workspace.suppression.rules import OWN_PREFIX
+from tests.language.load.texts import loaded
 
 SPEC = """\
 codra: 1
@@ -128,6 +131,28 @@ def test_an_undecided_question_is_answered_with_possible_and_causes_no_other_fin
         assert not implies([never], [always], types)
 
     assert budget.has_undecided
+
+
+def test_wherever_the_budget_ends_the_search_for_cycles_ends_too() -> None:
+    condition = "({0} and (known({1}) or not known({1}))) or ({0} and {1})"
+    text = "codra: 1\nname: x\ncontext:\n" + "".join(f"  {name}: {{type: bool}}\n" for name in "abc") + "perception:\n"
+    for name, need, other in ("abc", "bca", "cab"):
+        text += f"  see_{name}: {{call: 'robot:see', returns: {{seen: {{type: bool}}}}, identifies: {{{name}: seen}},\n"
+        text += f"    observable_when: ['{condition.format(need, other)}']}}\n"
+    spec, _ = loaded(text)
+    assert spec is not None
+    spec_index = SpecIndex(spec)
+    work_limits = range(0, 2000, 20)
+
+    findings_by_limit = {}
+    for limit in work_limits:
+        with shared_budget(Budget(limit)):
+            findings_by_limit[limit] = tuple(cycles(spec_index, FaultyElements()))
+
+    assert findings_by_limit[0] == ()
+    (complete,) = findings_by_limit[work_limits[-1]]
+    assert complete.message == "context-variables wait for each other: a -> b -> c -> a"
+    assert {finding.code for findings in findings_by_limit.values() for finding in findings} == {complete.code}
 
 
 def test_a_value_of_an_adaptation_that_is_not_decided_is_not_reported_to_leave_its_range() -> None:

@@ -47,14 +47,14 @@ def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
             yield from (_never_runs_finding(spec_index, search, name) for name in never_running_names)
             search.assume_running(never_running_names)
             continue
-        awaited_names = search.awaited_names()
+        waiting_producers = search.waiting_producers()
+        awaited_names = {name: tuple(producers) for name, producers in waiting_producers.items()}
         components = tuple(_innermost_components(awaited_names))
         if not components:  # an algorithm with wrong conditions can wait without a cycle: another finding has the cause
             return
         for component in components:
-            yield _cycle_finding(
-                spec_index, search, graph.shortest_cycle({name: awaited_names[name] for name in component})
-            )
+            path = graph.shortest_cycle({name: awaited_names[name] for name in component})
+            yield _cycle_finding(spec_index, waiting_producers, path)
             search.assume_knowable(component)
 
 
@@ -181,10 +181,11 @@ def _needs(spec_index: SpecIndex, producer: _Producer) -> tuple[str, ...]:
     return graph.closure(spec_index.derived_inputs, needs) if spec_index.derived_inputs else needs
 
 
-def _identified_names(producer: _Producer) -> list[str]:
+def _identified_names(spec_index: SpecIndex, producer: _Producer) -> list[str]:
     if isinstance(producer, Variable):
         return [producer.name]
-    return [entry.variable.name for entry in producer.identifies]
+    names = (entry.variable.name for entry in producer.identifies)
+    return [name for name in names if name not in spec_index.derived_inputs]  # another rule refuses derived variables
 
 
 class _Search:
@@ -225,7 +226,7 @@ class _Search:
             producer = self.producers[name]
             if self._can_run(producer):
                 self.blocked.pop(name, None)
-                pending_names.extend(self._mark_knowable(_identified_names(producer)))
+                pending_names.extend(self._mark_knowable(_identified_names(self._spec_index, producer)))
             else:
                 self.blocked[name] = producer
 
@@ -235,8 +236,8 @@ class _Search:
 
     def assume_running(self, names: Iterable[str]) -> None:
         """Assume that algorithms can run, so that the search continues after a reported problem."""
-        for name in names:
-            self.assume_knowable(_identified_names(self.blocked.pop(name)))
+        producers = [self.blocked.pop(name) for name in names]  # all of them first: the search may find that others run
+        self.assume_knowable(name for producer in producers for name in _identified_names(self._spec_index, producer))
 
     def could_run(self, name: str) -> bool:
         """Return whether an algorithm could run if all variables were knowable."""
@@ -248,15 +249,20 @@ class _Search:
             self._requirements[algorithm.name] = tuple(_requirements(self._spec_index, algorithm, self._definitions))
         return self._requirements[algorithm.name]
 
-    def awaited_names(self) -> Mapping[str, tuple[str, ...]]:
-        """Return a mapping from each variable that is not knowable to the variables that it waits for."""
-        awaited_names: dict[str, list[str]] = {}
+    def waiting_producers(self) -> Mapping[str, Mapping[str, _Producer]]:
+        """Return, for each variable that is not knowable, the variables that it waits for, each with its producer.
+
+        A finding uses these producers: once the budget is used up, `blocking_names` may give another answer.
+        """
+        waiting_producers: dict[str, dict[str, _Producer]] = {}
         for producer in self.blocked.values():
             blocking_names = self.blocking_names(producer)
-            for name in _identified_names(producer):
+            for name in _identified_names(self._spec_index, producer):
                 if name not in self._knowable_names:
-                    awaited_names.setdefault(name, []).extend(blocking_names)
-        return {name: tuple(dict.fromkeys(needs)) for name, needs in awaited_names.items()}
+                    producer_by_need = waiting_producers.setdefault(name, {})
+                    for need in blocking_names:
+                        producer_by_need.setdefault(need, producer)
+        return waiting_producers
 
     def blocking_names(self, producer: _Producer) -> tuple[str, ...]:
         """Return the variables that block a producer: if some of these were knowable, the producer could run."""
@@ -352,8 +358,11 @@ def _innermost_components(awaited_names: Mapping[str, tuple[str, ...]]) -> Itera
             yield component
 
 
-def _cycle_finding(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
-    edges = [_cycle_edge(spec_index, search, name, need) for name, need in pairwise((*path, path[0]))]
+def _cycle_finding(
+    spec_index: SpecIndex, waiting_producers: Mapping[str, Mapping[str, _Producer]], path: tuple[str, ...]
+) -> Diagnostic:
+    steps = pairwise((*path, path[0]))
+    edges = [_cycle_edge(spec_index, waiting_producers[name][need], name, need) for name, need in steps]
     cycle_text = " -> ".join((*path, path[0]))
     if len(path) == 1:
         message = f"context-variable '{path[0]}' waits for itself: {cycle_text}"
@@ -375,16 +384,16 @@ def _cycle_finding(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]
     )
 
 
-def _cycle_edge(spec_index: SpecIndex, search: _Search, name: str, need: str) -> Related:
+def _cycle_edge(spec_index: SpecIndex, producer: _Producer, name: str, need: str) -> Related:
     """Return the reason why a variable waits for another variable, with the place of the cause."""
-    derived = spec_index.variables[name].derived
-    if derived is not None and derived.tree is not None:
-        mention = next(mention for mention in names_in(derived.tree) if mention.name == need)
-        return Related(f"'{name}' needs '{need}': it is derived from '{need}'", derived.place_of(mention))
-    algorithms = [spec_index.algorithms[producer] for producer in spec_index.producers[name]]
-    algorithm = next(producer for producer in algorithms if need in search.blocking_names(producer))
-    place, reason = _place_of_need(spec_index, algorithm, need)
-    return Related(f"'{name}' needs '{need}': algorithm '{algorithm.name}' {reason}", place)
+    if isinstance(producer, Algorithm):
+        place, reason = _place_of_need(spec_index, producer, need)
+        return Related(f"'{name}' needs '{need}': algorithm '{producer.name}' {reason}", place)
+    derived = producer.derived
+    assert derived is not None
+    assert derived.tree is not None
+    mention = next(mention for mention in names_in(derived.tree) if mention.name == need)
+    return Related(f"'{name}' needs '{need}': it is derived from '{need}'", derived.place_of(mention))
 
 
 def _place_of_need(spec_index: SpecIndex, algorithm: Algorithm, need: str) -> tuple[Place, str]:
