@@ -169,6 +169,11 @@ class ReplayedJobs:
             self._repeat(look, look.job.index)
         return look
 
+    def began_before(self, key: JobKey, instant_s: float) -> bool:
+        """Return whether the job that repeats a recorded job began before an instant."""
+        look = self._looks.get(key[0])
+        return look is not None and look.index == key[1] and look.start_s < instant_s
+
     def deliver(self, key: JobKey, now_s: float) -> None:
         """End a job with the result of a recorded job, which has ended now."""
         name, index = key

@@ -194,7 +194,7 @@ def _is_step_before(event: Event, player: Player, last_step: int, passed_s: floa
     if player.recording.expects_event_before_input():
         if due_s > instant_s:
             raise DivergedError
-        return True
+        return is_same or not _ends_job_before_next_step(event, player)
     if due_s > instant_s or clock.step_count < last_step:
         return due_s <= instant_s
     if due_s < instant_s - PUNCTUALITY_TOLERANCE_S:
@@ -202,3 +202,13 @@ def _is_step_before(event: Event, player: Player, last_step: int, passed_s: floa
     is_at_same_instant = instant_s > passed_s and due_s >= instant_s - _ROUNDING_S
     may_be_before = not is_same and event.what not in _WITHIN_INSTANT
     return is_at_same_instant and may_be_before and clock.is_next_event_before(instant_s)
+
+
+def _ends_job_before_next_step(event: Event, player: Player) -> bool:
+    """Return whether an input ends an earlier job, and the next step was scheduled at the instant of the input.
+
+    In simulated time, the end of a job that began earlier was scheduled before this step, so it comes first.
+    """
+    if event.what != "delivered" or player.clock.is_next_event_before(event.instant_s):
+        return False
+    return player.jobs.began_before((event.name, int(event.details["index"])), event.instant_s)

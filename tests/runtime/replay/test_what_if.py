@@ -194,6 +194,22 @@ def test_a_claim_without_an_assumption_is_what_the_changed_package_does(
 
 
 @example(before=Thresholds(light_valid_s=2.0), changed=Thresholds(), names={"light_valid_s"}, seed=1)
+@example(  # a look of `open` would begin at the instant at which a result arrives
+    before=Thresholds(
+        near=0,
+        open=0,
+        quality=1,
+        light=0,
+        near_valid_s=0.4,
+        open_valid_s=0.5,
+        light_valid_s=0.5,
+        period_s=0.3,
+        timeout_s=0.2,
+    ),
+    changed=Thresholds(),
+    names={"near_valid_s"},
+    seed=0,
+)
 @given_examples(
     before=THRESHOLDS,
     changed=THRESHOLDS,
