@@ -217,7 +217,7 @@ def test_an_interrupted_run_leaves_a_complete_journal_and_a_page_that_shows_that
     run = Run(tmp_path, "--pace", "fast")
     page = open_page(browser, run)
     click_to_order(page, "Request a container")
-    expect(page.locator("#orders")).to_contain_text("open")
+    expect(page.locator("#orders")).to_contain_text("Order 1")  # on a slow machine, the order has ended already
     exit_code, output, errors = run.interrupt()
     assert (exit_code, output) == (130, "")
     assert errors.replace(LOAD_NEVER_KNOWN, "") == ""  # how much time has passed depends on the machine
