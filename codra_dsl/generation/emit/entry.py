@@ -54,7 +54,21 @@ def entry_text(plan: BuildPlan) -> str:
         knowledge=knowledge_class(plan.name) if knowledge is not None else "",
         agents=agents,
         adapts=adapts,
+        has_hosts=_has_hosts(plan),
+        call=lay_out(_manager_call(plan), before=len("    return "), indent=4),
     )
+
+
+def _has_hosts(plan: BuildPlan) -> bool:
+    return any(algorithm.algorithm.host for algorithm in plan.checked.algorithms.values())
+
+
+def _manager_call(plan: BuildPlan) -> Expression:
+    """Return the expression that creates the context manager."""
+    arguments = {name: name for name in ("clock", "resources", "seed", "record")}
+    arguments |= {"knowledge": "KNOWLEDGE"} if plan.checked.knowledge is not None else {}
+    arguments |= {"hosts_here": "hosts_here"} if _has_hosts(plan) else {}
+    return call(plan.class_name, "MODEL", **arguments)
 
 
 def _variable_groups(plan: BuildPlan) -> list[VariableGroup]:

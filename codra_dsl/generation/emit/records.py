@@ -47,6 +47,7 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
     {
         (Agent, "conduct"),
         (Agent, "period_s"),
+        (Algorithm, "host"),
         (Course, "node"),
         (HardRule, "for_s"),
         (Output, "hold_s"),
@@ -259,6 +260,7 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
     for agent in spec.agents:
         if agent.period_s is not None:
             yield agent.name, agent.period_s
+    yield from ((algorithm.name, "host", algorithm.host) for algorithm in spec.perception if algorithm.host)
     for adaptation in spec.adaptation:
         does = adaptation.does
         if isinstance(does, Parameter) and does.otherwise is not None:

@@ -361,7 +361,8 @@ class Setting:
     """A scalar key of an element. Generated code passes the value of the key to the runtime unchanged.
 
     Loading, generation and `codra diff` handle all settings alike. The type of the default determines the kind of
-    value: a float is a duration in seconds, an int is a whole number, and a `StrEnum` is a choice of words.
+    value: a float is a duration in seconds, an int is a whole number, a `StrEnum` is a choice of words, and any other
+    text is a name.
 
     Attributes:
         field_name: the name of the field, here and in `codra_dsl.runtime.values.model`.
@@ -392,6 +393,7 @@ class Algorithm:
         call: `package.module:function`.
         parameters: literals in file order, with quantities as SI floats; `places` has a key `with.NAME` for each.
         given: the variables whose values the function gets as arguments; all of them must be known.
+        host: the program that runs the function; empty for the program of the context manager.
         places: the places of the entries, by key; `name` is the place of the algorithm's name.
     """
 
@@ -408,6 +410,7 @@ class Algorithm:
     timeout_s: float = field(default=5.0, metadata={"key": "timeout"})
     min_interval_s: float = field(default=0.0, metadata={"key": "min_interval", "may_be_zero": True})
     isolate: Isolation = field(default=Isolation.THREAD, metadata={"key": "isolate"})
+    host: str = field(default="", metadata={"key": "host"})
     rank: int = 1
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 

@@ -10,6 +10,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.callbacks import Subscriptions
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
+from codra_dsl.runtime.context.host_commands import HostCommands
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.context.pose_conditions import PoseConditions
 from codra_dsl.runtime.forks import new_lock
@@ -22,7 +23,8 @@ from codra_dsl.runtime.observers.forest import Forest
 from codra_dsl.runtime.observers.observer import Observer
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.observers.store import Store
-from codra_dsl.runtime.perception import Function, Perception
+from codra_dsl.runtime.perception import Function, Perception, imported
+from codra_dsl.runtime.perception.hosts import Hosts
 from codra_dsl.runtime.perception.site_handles import with_site_handles
 from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reading, Reason
@@ -49,6 +51,7 @@ class Components:
         record: EventLog,
         seed: int,
         find: Callable[[Algorithm], Function],
+        hosts_here: bool,
     ) -> None:
         """Create and connect all parts. The arguments and the errors are those of `ContextManager`."""
         self.unlocked_clock = clock
@@ -69,6 +72,7 @@ class Components:
             handles=with_site_handles(model.resources, resources, clock),
             seed=seed,
             event_writer=self.event_writer,
+            hosts=Hosts(self.clock, are_here=hosts_here or find is not imported),
             find_function=find,
         )
         self.subscriptions = Subscriptions(clock, self.lock)
@@ -79,6 +83,9 @@ class Components:
         )
         observers = self.forest.observers.values()
         self.perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
+        self.hosts = HostCommands(
+            self.perception.hosts, clock=self.clock, event_writer=self.event_writer, forest=self.forest
+        )
         self.commands = Commands(
             clock=self.clock,
             event_writer=self.event_writer,

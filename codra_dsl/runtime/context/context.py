@@ -52,6 +52,7 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         clock: the clock from the arguments.
         model: the compiled spec.
         commands: executes the commands of programs, one step each; sessions and replays use it.
+        hosts: executes the steps of other programs that run perception functions.
         knowledge: the graph, if the spec declares one.
     """
 
@@ -66,6 +67,7 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         record: EventLog | None = None,
         find: Callable[[Algorithm], Function] = imported,
         knowledge: KnowledgeModel | None = None,
+        hosts_here: bool = False,
     ) -> None:
         """Build the forest; no observer runs before a variable is declared.
 
@@ -78,6 +80,7 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
             find: returns the perception function of an algorithm; by default, the function that `call` of the algorithm
                 names.
             knowledge: the knowledge graph and its agents in the spec; None if the spec declares no graph.
+            hosts_here: whether this program also runs the functions of algorithms that have a host, as simulations do.
 
         Raises:
             CallError: if a perception function cannot be imported, or a handle is missing or not usable.
@@ -85,12 +88,15 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         check_handles(model.resources, resources)
         self.record = EventLog() if record is None else record
         self.model = model
-        components = Components(model, clock=clock, resources=resources, record=self.record, seed=seed, find=find)
+        components = Components(
+            model, clock=clock, resources=resources, record=self.record, seed=seed, find=find, hosts_here=hosts_here
+        )
         self._components = components
         self._lock, self._clock, self.clock, self._now_s = components.lock, components.clock, clock, clock.now_s
         self._store, self._cells, self._forest = components.store, components.store.cells, components.forest
         self._perception, self._expectations = components.perception, components.expectations
         self._subscriptions, self.commands = components.subscriptions, components.commands
+        self.hosts = components.hosts
         self._skills = components.skills
         self._main_execution_slots = MainExecutionSlots(components.slots, self.commands, self._clock)
         self._main_execution_numbers = itertools.count(2)
@@ -99,6 +105,8 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
             self.record.begin(lambda: self._run_header(seed))
             self._knowledge = None if knowledge is None else components.create_knowledge(knowledge)
             self._store.derivations.start()
+            for host in sorted(self.hosts.names) if hosts_here else ():
+                self.hosts.connect(host, None)
 
     def __enter__(self) -> Self:
         return self

@@ -78,6 +78,7 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
         identifies=value_rules,
         returns=algorithm.returns,
         timeout_s=algorithm.timeout_s,
+        host=algorithm.host,
         place=places.get(key),
     )
 

@@ -191,6 +191,7 @@ class LatestEventsInFile:
         self.basis_jobs = LazyEventsByName(self._find_basis_job)
         self.later_events = LazyEventsByName(self._find_later_events)
         self.observer_events = LazyEventsByName(lambda name: self._find_last(Kind.OBSERVER, name))
+        self.host_events = LazyEventsByName(lambda name: self._find_last(Kind.HOST, name))
         self.declaration_events = LazyEventsByName(lambda name: self._find_last(Kind.DECLARATION, name))
         self.expectation_events = LazyEventsByName(lambda name: self._find_last(Kind.EXPECTATION, name))
         self.job_starts = LazyEventsByName(lambda name: self._find_last(Kind.JOB, name, {"started"}))

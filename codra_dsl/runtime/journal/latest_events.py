@@ -20,6 +20,7 @@ _MAPPING_ATTRIBUTES = (
     "observer_events",
     "job_starts",
     "job_ends",
+    "host_events",
     "declaration_events",
     "expectation_events",
     "knowledge_events",
@@ -108,6 +109,11 @@ class LatestEventsView(Protocol):
         ...
 
     @property
+    def host_events(self) -> EventsByName[Event]:
+        """Return, for each host, when it was last connected or lost."""
+        ...
+
+    @property
     def declaration_events(self) -> EventsByName[Event]:
         """Return, for each variable, its last declaration or withdrawal."""
         ...
@@ -150,6 +156,7 @@ class LatestEvents:
         self.observer_events: dict[str, Event] = {}
         self.job_starts: dict[str, Event] = {}
         self.job_ends: dict[str, Event] = {}
+        self.host_events: dict[str, Event] = {}
         self.declaration_events: dict[str, Event] = {}
         self.expectation_events: dict[str, Event] = {}
         self.knowledge_events: dict[str, Mapping[str, Event]] = {}
@@ -188,6 +195,8 @@ class LatestEvents:
                 self._add_job_event(event)
             case Kind.OBSERVER:
                 self.observer_events[event.name] = event
+            case Kind.HOST:
+                self.host_events[event.name] = event
             case Kind.DECLARATION:
                 self.declaration_events[event.name] = event
             case Kind.EXPECTATION:

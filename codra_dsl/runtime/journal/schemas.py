@@ -50,6 +50,7 @@ class Kind(StrEnum):
     OVERRIDE = "override"
     OBSERVER = "observer"
     JOB = "job"
+    HOST = "host"
     DECISION = "decision"
     PREVIEW = "preview"
     DECLARATION = "declaration"
@@ -219,6 +220,15 @@ def _job_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     )
 
 
+def _host_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
+    return "codra.Host", event_schema(
+        "A host, which runs perception functions in another program, is connected or lost.",
+        "The host.",
+        {"connected": "its algorithms can look", "lost": "its jobs have ended, and its algorithms cannot look"},
+        message=field_schema("string", "Why the host is lost."),
+    )
+
+
 def _declaration_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Declaration", event_schema(
         "The main execution declares that it needs a variable, or that it no longer needs the variable.",
@@ -251,7 +261,8 @@ def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchem
 def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Input", event_schema(
         "An input to the context manager from outside. Replay starts from inputs and from the results of jobs.",
-        "The sender: main_execution, with a number if there are several, an agent, operator, an algorithm, or clock.",
+        "The sender: main_execution, with a number if there are several, an agent, operator, an algorithm, a host, or "
+        "clock.",
         {
             "declare": "a variable is needed",
             "withdraw": "the variable is no longer needed",
@@ -275,6 +286,8 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
             "delivered": "the function of a job ended",
             "unstarted": "the function of a job could not be started",
             "evidence": "a job reported when its evidence was taken",
+            "connected": "a host begins to execute the jobs of its algorithms",
+            "lost": "a host is lost, and its jobs have ended",
             "late": "the next event happens now, long after its scheduled time",
             "graph": "an agent writes to the knowledge graph in one change",
             "refused": "an agent tried to write, or to begin an action, but its permissions or its rule forbid this",
@@ -304,6 +317,10 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
         detail=field_schema("string", "The reason of the override."),
         index=field_schema("integer", "The number of the job."),
         told_s=field_schema("number", "When the job reported the time of its evidence."),
+        earliest_s=field_schema(
+            "number", "For a host: the earliest end of taking the evidence; `evidence_s` is widened by the uncertainty."
+        ),
+        host_s=list_schema("number", "For a host: when the evidence was taken, on the clock of the host."),
         message=field_schema("string", "The error."),
         operations=field_schema("string", "The change, as JSON: a list of operations with their arguments."),
         rule=field_schema("string", "The rule of the agent."),
@@ -438,6 +455,7 @@ TOPICS: Mapping[Kind, Topic] = {
         place=_job_place,
         has_evidence_time=True,
     ),
+    Kind.HOST: Topic(folder="/codra/host", schema=_host_schema, metadata=_no_metadata, place=_no_place),
     Kind.DECISION: Topic(
         folder="/codra/decision", schema=decision_schema, metadata=_variable_metadata, place=_variable_place
     ),

@@ -71,6 +71,7 @@ class AlgorithmSummary:
         acceptance_conditions: the conditions that a result must meet to be accepted.
         identifies: for each variable, the condition or value that is computed from a result.
         returns: the type of each value in a result.
+        host: the program that runs the function; empty for the program of the context manager.
     """
 
     name: str
@@ -79,6 +80,7 @@ class AlgorithmSummary:
     identifies: Mapping[str, Rule]
     returns: Mapping[str, ValueType]
     timeout_s: float
+    host: str = ""
     place: Place | None = None
 
 

@@ -75,6 +75,7 @@ def _algorithm_to_data(algorithm: AlgorithmSummary) -> dict[str, Any]:
         "identifies": {name: _rule_to_data(rule) for name, rule in algorithm.identifies.items()},
         "returns": {name: _type_to_data(value_type) for name, value_type in algorithm.returns.items()},
         "timeout_s": _finite_or_none(algorithm.timeout_s),
+        **({"host": algorithm.host} if algorithm.host else {}),
         "place": _place_to_data(algorithm.place),
     }
 
@@ -170,6 +171,7 @@ def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary
         identifies={variable: _rule_from_data(rule) for variable, rule in data["identifies"].items()},
         returns={key: _type_from_data(value_type) for key, value_type in data["returns"].items()},
         timeout_s=_float_or_default(data["timeout_s"], math.inf),
+        host=str(data.get("host", "")),
         place=place_from_data(data["place"]),
     )
 

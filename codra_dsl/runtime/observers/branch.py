@@ -114,6 +114,7 @@ class Branch:
         self._is_accepted = False
         self._variables_without_value: set[str] = set()
         self._reported_stuck_run: JobRun | None = None
+        self._reported_host_obstacle = ""
         for name in algorithm.given:
             self.require(f"known({name})", known(name))
 
@@ -125,14 +126,20 @@ class Branch:
             self.conditions.append((name, term))
 
     def blocking_condition(self, context: ContextNow) -> str | None:
-        """Return the first precondition that does not hold; None if all hold.
+        """Return the first precondition that does not hold; None if all hold. A host must be connected.
 
         During a tick the context does not change, so the conditions are judged once for each context.
         """
         if context is not self._judged_context:
             self._judged_context = context
-            self._blocking_condition = next((name for name, term in self.conditions if not term.holds(context)), None)
+            blocking_conditions = (name for name, term in self.conditions if not term.holds(context))
+            self._blocking_condition = self._host_obstacle() or next(blocking_conditions, None)
         return self._blocking_condition
+
+    def _host_obstacle(self) -> str:
+        """Return why the host of the algorithm cannot look; empty if it can, or if the algorithm has no host."""
+        host = self.algorithm.host
+        return self.observer.services.perception.hosts.obstacle(host) if host else ""
 
     def add_variable(self, variable: str, term: Term) -> None:
         """Add a variable, with the term that computes its value from a result."""
@@ -276,6 +283,18 @@ class Branch:
             self._add_failed_looks(self.identifies, job_run.outcome.reason, job_run.outcome.message, job_run.start_s)
         return False
 
+    def note_host(self) -> None:
+        """Report once that the host is lost: a failed look. When the host is connected again, look at once."""
+        obstacle = self._host_obstacle()
+        if obstacle == self._reported_host_obstacle:
+            return
+        self._reported_host_obstacle = obstacle
+        if not obstacle:
+            self.refresh()
+            return
+        self.observer.note_job_end()  # so an alternative can begin before the variables become unknown
+        self._add_failed_looks(self.identifies, Reason.UNREACHABLE, obstacle, self.observer.now_s)
+
     def note_stuck(self) -> None:
         """Report once that a cancelled job has not ended in time."""
         job_run = self.observer.services.perception.working_job(self.algorithm)
@@ -375,7 +394,8 @@ class Branch:
         return [self.observer.services.cells[name] for name in sorted(self.read_variables)]
 
     def _stamp_s(self) -> float:
-        return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s
+        evidence_s = self._interval.evidence_s
+        return self.observer.now_s if evidence_s is None else evidence_s
 
     def _keeps_value(self, term: Term) -> bool:
         """Return whether the result lies between enter and leave."""

@@ -64,6 +64,7 @@ class Observer:
         for branch in self._branches:
             for name in branch.identifies:
                 self._branches_by_variable.setdefault(name, []).append(branch)
+        self._hosted_branches = [branch for branch in self._branches if branch.algorithm.host]
         self._set_rivals()
         self.on_event_variables = tuple(
             name for name in model.identifies if services.variables[name].refresh == "on_event"
@@ -136,6 +137,11 @@ class Observer:
         conditions = [branch.blocking_condition(context_now) for branch in self._branches_by_variable[variable]]
         return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""
 
+    @property
+    def hosts(self) -> frozenset[str]:
+        """Return the hosts of the algorithms."""
+        return frozenset(branch.algorithm.host for branch in self._hosted_branches)
+
     def request_tick(self) -> None:
         """Request a tick, because the tick may have an effect."""
         self._on_tick_request(self)
@@ -200,6 +206,8 @@ class Observer:
             return []
         for branch in self._branches:
             branch.note_stuck()
+        for branch in self._hosted_branches:
+            branch.note_host()
         tick(self.tree)
         if not self.is_wanted:
             self._failed_looks.clear()

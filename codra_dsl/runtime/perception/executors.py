@@ -5,15 +5,21 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping, Sequence
 
-from codra_dsl.runtime.clock import Work
-from codra_dsl.runtime.perception.functions import Executor, Function, imported
+from codra_dsl.isolation.error_text import described, message_of
+from codra_dsl.runtime.clock import Cancelled, Work, is_interrupt
+from codra_dsl.runtime.perception.functions import Executor, Function, JobError, imported
 from codra_dsl.runtime.perception.handles import check_handles
+from codra_dsl.runtime.perception.job import RunningJob
+from codra_dsl.runtime.perception.outcome import Failure, Result, checked
 from codra_dsl.runtime.perception.process_executor import ProcessExecutor
 from codra_dsl.runtime.perception.thread_executor import ThreadExecutor
+from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
 
 CLOSE_TIMEOUT_S = 1.0
 """How long the method `close` of a perception class may delay the end of the program."""
+
+_MAX_MESSAGE_CHARACTERS = 2_000
 
 StartWork = Callable[[Callable[[Work], None], Callable[[None], None]], Work]
 """The type of a function that starts a unit of work, as `Clock.start` does."""
@@ -53,6 +59,30 @@ class Executors:
         except BaseException:
             self.close()
             raise
+
+    def execute(
+        self, algorithm: Algorithm, job: RunningJob, arguments: Mapping[str, object], handles: Mapping[str, object]
+    ) -> Result | Failure:
+        """Execute a job in the thread of this call, and return its checked outcome.
+
+        Args:
+            algorithm: the algorithm.
+            job: the job.
+            arguments: the values of context-variables that the function receives.
+            handles: the handles of all resources.
+        """
+        all_arguments = {**algorithm.parameters, **arguments}
+        own_handles = {name: handles[name] for name in algorithm.handles}
+        try:
+            return checked(algorithm, self.executor_of(algorithm).perform(job, all_arguments, own_handles))
+        except Cancelled:
+            return Failure(Reason.FAILED, "it ended because it was cancelled")
+        except JobError as error:
+            return Failure(Reason.FAILED, message_of(error, _MAX_MESSAGE_CHARACTERS))
+        except BaseException as error:  # errors of a user's function must not reach the forest
+            if is_interrupt(error):
+                raise
+            return Failure(Reason.FAILED, described(error))
 
     def close(self) -> None:
         """Close the objects of perception classes, and end all processes."""

@@ -45,10 +45,26 @@ class Job(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The time in which evidence is taken, from start to stamp. The stamp is None while the evidence is being taken."""
+    """The time in which evidence is taken.
+
+    The clock of a host is known only up to an uncertainty, so the interval of its evidence is widened on both sides.
+
+    Attributes:
+        start_s: the earliest instant at which the taking can have begun.
+        stamp_s: the latest instant at which it can have ended; None while the evidence is being taken.
+        earliest_stamp_s: the earliest instant at which it can have ended, if this is another instant.
+        host_s: the start and the stamp on the clock of the host, if a host took the evidence.
+    """
 
     start_s: float
     stamp_s: float | None = None
+    earliest_stamp_s: float | None = None
+    host_s: tuple[float, float] | None = None
+
+    @property
+    def evidence_s(self) -> float | None:
+        """Return the instant from which the age of the evidence counts; None while the evidence is being taken."""
+        return self.stamp_s if self.earliest_stamp_s is None else self.earliest_stamp_s
 
 
 class RunningJob:
@@ -89,12 +105,16 @@ class RunningJob:
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
         """Report when the evidence was taken."""
-        start_s, stamp_s = float(start_s), float(stamp_s)
+        self.report(Interval(float(start_s), float(stamp_s)))
+
+    def report(self, interval: Interval) -> None:
+        """Report when the evidence was taken, perhaps by a clock with an uncertainty."""
+        start_s, stamp_s = interval.start_s, interval.stamp_s
         with self._lock:  # so `last_report_until` always returns the same report for an instant
             now_s = self.now_s()
-            if not -math.inf < start_s <= stamp_s <= now_s:
+            if stamp_s is None or not -math.inf < start_s <= stamp_s <= now_s:
                 raise ValueError(f"evidence has a start, then a stamp, both in the past: not {start_s} to {stamp_s}")
-            self._reports.append((now_s, Interval(start_s, stamp_s)))
+            self._reports.append((now_s, interval))
 
     def last_report_until(self, now_s: float) -> tuple[float, Interval] | None:
         """Return the instant and the interval of the last report about the evidence up to `now_s`; None if none."""

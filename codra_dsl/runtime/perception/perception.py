@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from codra_dsl.isolation.error_text import described, message_of
+from codra_dsl.isolation.error_text import described
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import Cancelled, Clock, is_interrupt
+from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.perception.cost import Cost, CostMeter
 from codra_dsl.runtime.perception.executors import Executors
-from codra_dsl.runtime.perception.functions import CallError, Function, JobError
+from codra_dsl.runtime.perception.functions import CallError, Function
+from codra_dsl.runtime.perception.hosts import Hosts
 from codra_dsl.runtime.perception.job import Interval, RunningJob
 from codra_dsl.runtime.perception.job_run import JobRun, State
-from codra_dsl.runtime.perception.outcome import Failure, Result, checked
+from codra_dsl.runtime.perception.outcome import Failure, Result
 from codra_dsl.runtime.perception.requests import Precedence
 from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reason
@@ -28,11 +29,13 @@ from codra_dsl.runtime.values.model import Algorithm
 GRACE_S = 0.2
 """How long a job may take to end by itself after its timeout. Then its process is ended, if it runs in a process."""
 
-_MAX_MESSAGE_CHARACTERS = 2_000
-
 
 class Perception:
-    """Runs the jobs of all algorithms of one forest. Callers hold the context manager's lock."""
+    """Runs the jobs of all algorithms of one forest. Callers hold the context manager's lock.
+
+    Attributes:
+        hosts: the other programs that run perception functions.
+    """
 
     def __init__(
         self,
@@ -42,6 +45,7 @@ class Perception:
         handles: Mapping[str, object],
         seed: int,
         event_writer: EventWriter,
+        hosts: Hosts,
         find_function: Callable[[Algorithm], Function],
     ) -> None:
         """Store the arguments without running anything.
@@ -52,6 +56,7 @@ class Perception:
             handles: the handle of each resource without slots. The key is the name of the resource.
             seed: the seed of the random numbers that jobs draw.
             event_writer: writes the events of jobs.
+            hosts: runs the jobs of algorithms with a host.
             find_function: returns the function of an algorithm, or raises `CallError`.
         """
         self._clock = clock
@@ -60,6 +65,7 @@ class Perception:
         self._handles = handles
         self._seed = seed
         self._event_writer = event_writer
+        self.hosts = hosts
         self._cost_meters: dict[str, CostMeter] = {}
         self._request_counts: Counter[str] = Counter()
         self._working_jobs: dict[str, JobRun] = {}
@@ -72,11 +78,14 @@ class Perception:
             CallError: if a function, handle or resource is missing.
         """
         algorithms_by_name = {algorithm.name: algorithm for algorithm in algorithms}
+        local_algorithms = [algorithm for algorithm in algorithms_by_name.values() if not self._has_host(algorithm)]
+        for algorithm in local_algorithms:
+            self._check_handles(algorithm)
         for algorithm in algorithms_by_name.values():
-            self._check_resources(algorithm)
+            self._check_slots(algorithm)
             self._slots.register_user(algorithm.slots, algorithm.timeout_s)
             self._cost_meters[algorithm.name] = CostMeter()
-        self._executors.prepare(list(algorithms_by_name.values()), self._handles)
+        self._executors.prepare(local_algorithms, self._handles)
 
     def close(self) -> None:
         """Close the objects of perception classes, and end all processes.
@@ -139,13 +148,19 @@ class Perception:
         self._write_job_event(job_run, "voided", condition=condition)
         self._abandon_job(job_run)
 
-    def _check_resources(self, algorithm: Algorithm) -> None:
+    def _has_host(self, algorithm: Algorithm) -> bool:
+        """Return whether the jobs of an algorithm run in another program."""
+        return bool(algorithm.host) and not self.hosts.are_here
+
+    def _check_handles(self, algorithm: Algorithm) -> None:
         missing_handles = [name for name in algorithm.handles if name not in self._handles]
         if missing_handles:
             raise CallError(
                 f"perception {algorithm.name!r} reads resource {missing_handles[0]!r}: "
                 "pass its handle to start() in `resources`"
             )
+
+    def _check_slots(self, algorithm: Algorithm) -> None:
         unknown_resources = [name for name in algorithm.slots if name not in self._slots.free_slot_counts]
         if unknown_resources:
             resource = unknown_resources[0]
@@ -160,45 +175,49 @@ class Perception:
         algorithm = job_run.algorithm
         job_run.state, job_run.start_s = State.RUNNING, self._clock.now_s()
         self._cost_meters[algorithm.name].begin(job_run.start_s - job_run.requested_s)
-        random_seed = f"{self._seed}/{algorithm.name}/{job_run.index}"
         job_run.on_evidence = self._record_evidence
         self._working_jobs[algorithm.name] = job_run
         self._write_job_event(job_run, "started")
+        deadline_s = job_run.start_s + algorithm.timeout_s
         try:
-            job_run.work = self._clock.start(
-                lambda work: self._run_job(
-                    job_run, RunningJob(work, random_seed, job_run.index, self._reports_lock), arguments
-                ),
-                lambda outcome: self._deliver_outcome(job_run, outcome),
-            )
+            self._start_job(job_run, arguments)
         except RuntimeError as error:  # no thread could be started
             self._event_writer.write_input(algorithm.name, "unstarted", index=job_run.index, message=str(error))
             self._end_delivered_job(job_run, Failure(Reason.FAILED, described(error)))
             return
-        deadline_s = job_run.start_s + algorithm.timeout_s
-        job_run.timer = self._clock.call_at(deadline_s, lambda: self._time_out(job_run))
+        if self.working_job(algorithm) is job_run:  # a host may be lost while it gets its order
+            job_run.timer = self._clock.call_at(deadline_s, lambda: self._time_out(job_run))
+
+    def _start_job(self, job_run: JobRun, arguments: Mapping[str, Value | None]) -> None:
+        algorithm, index = job_run.algorithm, job_run.index
+        random_seed = f"{self._seed}/{algorithm.name}/{index}"
+        if not self._has_host(algorithm):
+            job_run.work = self._clock.start(
+                lambda work: self._run_job(
+                    job_run, RunningJob(work, random_seed, index, self._reports_lock), arguments
+                ),
+                lambda outcome: self._deliver_outcome(job_run, outcome),
+            )
+            return
+        job_run.work = self.hosts.work(algorithm, index)
+        job_run.job = RunningJob(job_run.work, random_seed, index, self._reports_lock)
+        self.hosts.start(algorithm, job_run.job, arguments, lambda outcome: self._deliver_outcome(job_run, outcome))
 
     def _run_job(self, job_run: JobRun, job: RunningJob, arguments: Mapping[str, Value | None]) -> Result | Failure:
         job_run.job = job
-        algorithm = job_run.algorithm
-        handles = {name: self._handles[name] for name in algorithm.handles}
-        try:
-            executor = self._executors.executor_of(algorithm)
-            return checked(algorithm, executor.perform(job, {**algorithm.parameters, **arguments}, handles))
-        except Cancelled:
-            return Failure(Reason.FAILED, "it ended because it was cancelled")
-        except JobError as error:
-            return Failure(Reason.FAILED, message_of(error, _MAX_MESSAGE_CHARACTERS))
-        except BaseException as error:  # errors of a user's function must not reach the forest
-            if is_interrupt(error):
-                raise
-            return Failure(Reason.FAILED, described(error))
+        return self._executors.execute(job_run.algorithm, job, arguments, self._handles)
 
     def _record_evidence(self, job_run: JobRun, report_instant_s: float, interval: Interval) -> None:
         """Record a job's report about its evidence when the report is first used."""
         evidence_s = [interval.start_s, interval.stamp_s]
+        host_details = {"earliest_s": interval.earliest_stamp_s, "host_s": interval.host_s}
         self._event_writer.write_input(
-            job_run.algorithm.name, "evidence", index=job_run.index, told_s=report_instant_s, evidence_s=evidence_s
+            job_run.algorithm.name,
+            "evidence",
+            index=job_run.index,
+            told_s=report_instant_s,
+            evidence_s=evidence_s,
+            **{} if interval.host_s is None else host_details,
         )
 
     def _deliver_outcome(self, job_run: JobRun, outcome: Result | Failure) -> None:
@@ -227,7 +246,11 @@ class Perception:
 
     def _kill_job(self, job_run: JobRun) -> None:
         """End the process of a job that has not ended by itself."""
-        if self.working_job(job_run.algorithm) is job_run:
+        if self.working_job(job_run.algorithm) is not job_run:
+            return
+        if self._has_host(job_run.algorithm):
+            self.hosts.kill(job_run.algorithm, job_run.index)
+        else:
             self._executors.executor_of(job_run.algorithm).kill_job()
 
     def _set_outcome(self, job_run: JobRun, outcome: Result | Failure) -> None:

@@ -68,6 +68,7 @@ class Connection:
         self._is_closed = False
         self._has_peer_ended = False
         self._is_lost = False
+        self._is_full = False
 
     @property
     def is_closed(self) -> bool:
@@ -91,17 +92,18 @@ class Connection:
         return self._is_lost or (self._is_closed and (is_finished or self._clock.now_s() >= self.deadline_s))
 
     def send(self, message: PlainData) -> None:
-        """Send a message later. End the connection if too many bytes are unsent, or if the session has ended."""
+        """Send a message later. The connection ends if too many bytes are unsent, or if the session has ended.
+
+        The caller may hold locks that the session needs, so the thread of the server ends the session.
+        """
         line = line_of(message)
         with self._lock:
             if self._is_closed:
                 return
-            is_full = len(self._unsent) > MAX_UNSENT_BYTES
-            if not is_full:
+            self._is_full = len(self._unsent) > MAX_UNSENT_BYTES
+            if not self._is_full:
                 self._unsent += line
-        if is_full:
-            self.close("the main execution does not read its messages")
-        elif self._session is not None and self._session.is_over:
+        if not self._is_full and self._session is not None and self._session.is_over:
             self._close()
         self._wake()
 
@@ -119,6 +121,8 @@ class Connection:
                 self._receive()
             if not self._is_closed:
                 self._handle_input()
+            if self._is_full:
+                self.close("the main execution does not read its messages")
             if not self._is_closed and self._clock.now_s() >= self.deadline_s:
                 self.close(f"no message was received for {LEASE_S:g} s", "lease_over")
             if not self.has_request or len(self._unsent) >= _MIN_BYTES_TO_SEND:

@@ -64,6 +64,8 @@ class FieldType(StrEnum):
     LEASE = f"a number of seconds from 0 to {MAX_LEASE_S:g}"
     TRUTH = "true or false"
     VALUE = "a text, a number, or true or false"
+    VALUES = f"a list of at most {MAX_NAMES} objects with `name` and `value`"
+    INSTANTS = "a list of two numbers"
 
     def holds(self, value: object) -> bool:
         """Return whether a value has this type."""
@@ -86,6 +88,10 @@ class FieldType(StrEnum):
                 return isinstance(value, bool)
             case FieldType.VALUE:
                 return is_number or isinstance(value, (bool, str))
+            case FieldType.VALUES:
+                return isinstance(value, list) and len(value) <= MAX_NAMES and all(map(_is_named_value, value))
+            case FieldType.INSTANTS:
+                return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
 
 
 def _is_number(value: object) -> bool:
@@ -97,6 +103,11 @@ def _is_number(value: object) -> bool:
 
 def _is_name(value: object) -> bool:
     return isinstance(value, str) and len(value) <= MAX_NAME_CHARACTERS
+
+
+def _is_named_value(value: object) -> bool:
+    is_mapping = isinstance(value, Mapping) and set(value) == {"name", "value"}
+    return is_mapping and _is_name(value["name"]) and FieldType.VALUE.holds(value["value"])  # type: ignore[index]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +123,9 @@ _DECISION_LIMITS = {
     "since_s": FieldType.NUMBER,
     "wait_up_to_s": FieldType.DURATION,
 }
+
+_JOB = {"algorithm": FieldType.TEXT, "index": FieldType.INTEGER}
+"""The fields that identify a job."""
 
 REQUESTS: Mapping[str, RequestShape] = {
     "hello": RequestShape(optional={"lease_s": FieldType.LEASE, "token": FieldType.TEXT}),
@@ -146,7 +160,19 @@ REQUESTS: Mapping[str, RequestShape] = {
     "subscribe": RequestShape(required={"variables": FieldType.TEXTS}),
     "unsubscribe": RequestShape(required={"subscription": FieldType.INTEGER}),
     "leave": RequestShape(),
+    "attach": RequestShape(required={"host": FieldType.TEXT}, optional={"digest": FieldType.TEXT}),
+    "evidence": RequestShape(
+        required={
+            **_JOB,
+            "start_s": FieldType.NUMBER,
+            "stamp_s": FieldType.NUMBER,
+            "earliest_s": FieldType.NUMBER,
+            "host_s": FieldType.INSTANTS,
+        }
+    ),
+    "ended": RequestShape(required=_JOB, optional={"values": FieldType.VALUES, "message": FieldType.TEXT}),
 }
+"""The kinds of requests; the last three are those of hosts."""
 
 
 class MessageError(ValueError):

@@ -71,6 +71,7 @@ class Server:
         self._connections: list[Connection] = []
         self._lock = new_lock()
         self._is_closed = False
+        self._is_woken = False
         self._accept_from_s = -math.inf
         self._selector = DefaultSelector()
         self._waker, self._wake_receiver = socket.socketpair()
@@ -113,7 +114,9 @@ class Server:
             Path(self.address).unlink(missing_ok=True)
 
     def _wake(self) -> None:
-        if threading.current_thread() is not self._thread:
+        if threading.current_thread() is self._thread:
+            self._is_woken = True  # a request of one program can cause a message to another one
+        else:
             with contextlib.suppress(OSError):  # the server has ended, or it has not yet noticed that it was woken
                 self._waker.send(b"\0")
 
@@ -125,7 +128,8 @@ class Server:
         self._selector.close()
 
     def _take_turns(self) -> None:
-        events = {key.fileobj: event for key, event in self._selector.select(self._wait_s())}
+        wait_s, self._is_woken = self._wait_s(), False
+        events = {key.fileobj: event for key, event in self._selector.select(wait_s)}
         if self._wake_receiver in events:
             self._wake_receiver.recv(4096)
         for connection in tuple(self._connections):
@@ -144,7 +148,7 @@ class Server:
 
     def _wait_s(self) -> float | None:
         """Return how long no connection needs a turn, unless its socket is ready; None for any time."""
-        if any(connection.has_request for connection in self._connections):
+        if self._is_woken or any(connection.has_request for connection in self._connections):
             return 0.0
         now_s = self._codra.clock.now_s()
         instants_s = [connection.deadline_s for connection in self._connections]

@@ -16,9 +16,12 @@ from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.context.package_files import manifest_of, package_folder
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision, PendingPreview
 from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.perception import Failure, Interval
+from codra_dsl.runtime.remote.host_orders import HostOrders
 from codra_dsl.runtime.remote.protocol import (
     REPORTED_ERRORS,
     LeaseError,
@@ -34,7 +37,7 @@ from codra_dsl.runtime.remote.protocol import (
     plain_type,
     request_of,
 )
-from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import MAIN
 from codra_dsl.runtime.values.model import VariableModel
 
@@ -99,6 +102,7 @@ class Session:
         self._readings = Subscription(lambda: None)
         self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
+        self._host = ""
         self._lease = Timer(math.inf, lambda: None)
         self._check_lease()
 
@@ -139,6 +143,8 @@ class Session:
                 decision.abandon(LeaseError.__name__)
             for agent in self._agents.values():
                 agent.close()
+            if self._host:
+                self._codra.hosts.disconnect(self._host, because)
             for container in (self._subscriptions, self._waiting_decisions, self._looking_decisions, self._agents):
                 container.clear()
 
@@ -263,6 +269,37 @@ class Session:
 
     def _leave(self) -> PlainData:
         self.close("the main execution has left")
+        return {}
+
+    # Hosts
+
+    def _attach(self, host: str, digest: str = "") -> PlainData:
+        own_digest = manifest_of(package_folder(self._codra)).get("model", "")
+        if digest != own_digest:
+            raise ValueError(
+                f"host {host!r} has another version of the spec than the manager: compile both from the same files"
+            )
+        if self._host:
+            raise ValueError(f"this session is host {self._host!r} already")
+        self._codra.hosts.connect(host, HostOrders(self._send))
+        self._host = host
+        return {}
+
+    def _evidence(
+        self, *, algorithm: str, index: int, start_s: float, stamp_s: float, earliest_s: float, host_s: list[float]
+    ) -> PlainData:
+        now_s = self._clock.now_s()  # what has reached the manager cannot have ended later
+        interval = Interval(start_s, min(stamp_s, now_s), min(earliest_s, now_s), (host_s[0], host_s[1]))
+        self._codra.hosts.report_evidence(self._host, (algorithm, index), interval)
+        return {}
+
+    def _ended(self, algorithm: str, index: int, values: list[PlainData] | None = None, message: str = "") -> PlainData:
+        outcome = (
+            Failure(Reason.FAILED, message)
+            if values is None
+            else {named_value["name"]: named_value["value"] for named_value in values}
+        )
+        self._codra.hosts.end(self._host, (algorithm, index), outcome)
         return {}
 
     # Decisions

@@ -12,12 +12,14 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, TimerQueue, Work
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.perception import Failure, Function, Interval, Job, Result
+from codra_dsl.runtime.perception import Failure, Function, Interval, Result
+from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.replay.undetermined import NOT_RECORDED, Undetermined
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
@@ -45,7 +47,7 @@ class _Look(Work):
     """
 
     algorithm: Algorithm
-    job: Job | None = None
+    job: RunningJob | None = None
 
     def __init__(self, start_s: float, deliver: Callable[[Any], None], on_cancel: Callable[[_Look], None]) -> None:
         super().__init__()
@@ -61,7 +63,7 @@ class _Look(Work):
         """Repeat a report about the evidence."""
         assert self.job is not None
         self._reported_s = report_s
-        self.job.evidence(interval.start_s, report_s if interval.stamp_s is None else interval.stamp_s)
+        self.job.report(replace(interval, stamp_s=report_s) if interval.stamp_s is None else interval)
 
     def cancel(self) -> None:
         super().cancel()
@@ -122,7 +124,9 @@ class ReplayedJobs:
         match event.kind, event.what:
             case Kind.INPUT, "evidence":
                 start_s, stamp_s = event.details["evidence_s"]
-                self._add_report(key, event.details["told_s"], Interval(start_s, stamp_s))
+                host_s = tuple(event.details["host_s"]) if "host_s" in event.details else None
+                interval = Interval(start_s, stamp_s, event.details.get("earliest_s"), host_s)
+                self._add_report(key, event.details["told_s"], interval)
             case Kind.INPUT, "unstarted":
                 self._start_errors[key] = event.details["message"]
             case Kind.JOB, "returned" | "failed":
@@ -143,7 +147,7 @@ class ReplayedJobs:
     def find(self, algorithm: Algorithm) -> Function:
         """Return a replacement for an algorithm's function, which repeats the recorded calls."""
 
-        def play(*, job: Job, **_: object) -> Mapping[str, Value]:
+        def play(*, job: RunningJob, **_: object) -> Mapping[str, Value]:
             assert self._starting_look is not None
             self._starting_look.algorithm, self._starting_look.job = algorithm, job
             if self._clock is None:
@@ -188,7 +192,8 @@ class ReplayedJobs:
             self._end_with(look, end_event)
         elif look is not None and look.index is None and end_event is not None:
             # the evidence of a failed job is not recorded: its entire duration counts
-            interval = Interval(*map(float, end_event.details.get("evidence_s") or (recorded_start_s, now_s)))
+            start_s, stamp_s = map(float, end_event.details.get("evidence_s") or (recorded_start_s, now_s))
+            interval = Interval(start_s, stamp_s)
             if interval.start_s >= look.start_s - PUNCTUALITY_TOLERANCE_S:
                 look.report(now_s, interval)
                 self._end_with(look, end_event)

@@ -188,6 +188,10 @@ class Player:
                 self._slot_numbers[self._slot_request_count] = slot_number
             case "release":
                 commands.release_slots(self._slot_numbers.pop(details["number"]))
+            case "connected":
+                self.manager.hosts.connect(event.name, None)
+            case "lost":
+                self.manager.hosts.disconnect(event.name, details["message"])
             case "delivered":
                 self.jobs.deliver((event.name, details["index"]), self.clock.now_s())
             case "close":

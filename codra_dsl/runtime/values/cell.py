@@ -53,6 +53,7 @@ class Reason(StrEnum):
     UNCONFIRMED = "unconfirmed", "it was not confirmed by enough results"
     FAILED = "failed", "its algorithm raised an error, or returned an invalid value", True
     TIMED_OUT = "timed_out", "its algorithm took too long", True
+    UNREACHABLE = "unreachable", "the host of its algorithm is not connected", True
     WITHDRAWN = "withdrawn", "its observer stopped"
     OVERRIDDEN = "overridden", "the operator made it unknown"
 

@@ -236,6 +236,8 @@ class Algorithm:
         timeout_s: a job that runs longer than this times out.
         min_interval_s: the minimum time between the starts of two jobs.
         isolate: whether the function runs in a thread of the program, or in a separate process.
+        host: the program that runs the function, on this machine or another one; empty for the program of the context
+            manager.
     """
 
     name: str
@@ -248,6 +250,7 @@ class Algorithm:
     timeout_s: float = 5.0
     min_interval_s: float = 0.0
     isolate: Literal["thread", "process"] = "thread"
+    host: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

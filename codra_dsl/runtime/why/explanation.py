@@ -15,7 +15,7 @@ from codra_dsl.runtime.values.model import PreviewCondition, SkillModel
 from codra_dsl.runtime.values.previews import PreviewOutcome, evaluate
 from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
-from codra_dsl.runtime.why.story import job_text, override_text, story
+from codra_dsl.runtime.why.story import host_text, job_text, override_text, story
 from codra_dsl.runtime.why.unmet_conditions import find_solution
 from codra_dsl.runtime.why.values import Condition, Derivation, Look, MissingChange, Way, Why
 
@@ -316,6 +316,7 @@ class _Explanation:
         return Way(
             algorithm=algorithm.name,
             conditions=conditions,
+            obstacle=host_text(algorithm.host, context.latest_events),
             doing=job_text(algorithm, context.latest_events),
             missing=tuple(self._changes_for_algorithm(algorithm, context)),
             place=algorithm.place,
@@ -323,6 +324,8 @@ class _Explanation:
 
     def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[MissingChange]:
         """Yield the changes that an algorithm needs before it can look."""
+        if host_text(algorithm.host, context.latest_events):
+            yield MissingChange(variable="", condition=f"connect host {algorithm.host!r}", place=algorithm.place)
         preconditions = [self._with_expressions(rule) for rule in algorithm.preconditions]
         unmet_preconditions = [rule for rule in preconditions if not rule.term.holds(context)]
         values = (

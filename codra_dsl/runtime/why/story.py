@@ -9,6 +9,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, SpecSummary
+from codra_dsl.runtime.perception.hosts import obstacle_text
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import DERIVED, MAIN, POSES
 from codra_dsl.runtime.why.values import duration_text, instant_text, value_text
@@ -188,3 +189,13 @@ def job_text(algorithm: AlgorithmSummary, latest_events: LatestEventsView) -> st
             )
         case _:
             return f"job {index} was cancelled at {at_text}"
+
+
+def host_text(host: str, latest_events: LatestEventsView) -> str:
+    """Return why a host cannot look; empty if it can, or if `host` is empty."""
+    if not host:
+        return ""
+    event = latest_events.host_events.get(host)
+    if event is None:
+        return obstacle_text(host)
+    return "" if event.what == "connected" else obstacle_text(host, event.details["message"])

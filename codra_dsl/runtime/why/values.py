@@ -94,6 +94,7 @@ class Way:
         algorithm: the algorithm.
         conditions: the preconditions of the algorithm, at the instant of the explanation.
         blocked_by: the preconditions that do not hold.
+        obstacle: why the host of the algorithm cannot look; empty if it can, or if the algorithm has no host.
         doing: a sentence about the algorithm's running or last job; empty if it never had a job.
         missing: the changes that the algorithm needs before it can look.
         place: the place of the algorithm in the spec.
@@ -103,6 +104,7 @@ class Way:
     conditions: tuple[Condition, ...]
     doing: str
     missing: tuple[MissingChange, ...]
+    obstacle: str = ""
     place: Place | None = None
 
     @property
@@ -223,7 +225,10 @@ def _lines_of_derivation(derivation: Derivation) -> Iterator[str]:
 
 def _lines_of_way(way: Way) -> Iterator[str]:
     failing_conditions = way.blocked_by
-    yield f"perception {way.algorithm} {'cannot look' if failing_conditions else 'can look'}{_place_text(way.place)}"
+    is_blocked = bool(failing_conditions or way.obstacle)
+    yield f"perception {way.algorithm} {'cannot look' if is_blocked else 'can look'}{_place_text(way.place)}"
+    if way.obstacle:
+        yield f"{_INDENT}{way.obstacle}"
     if way.doing:
         yield f"{_INDENT}{way.doing}"
     for condition in failing_conditions:

@@ -119,6 +119,7 @@ FIELD_COMPARERS: ComparerTable = {
         "timeout_s": _DEADLINE_COMPARER,
         "min_interval_s": _INTERVAL_COMPARER,
         "isolate": equality_comparer(Category.PERCEIVED_OTHERWISE),
+        "host": equality_comparer(Category.PERCEIVED_OTHERWISE),
         "rank": compare_nothing,
     },
     model.Usage: {"access": compare_nothing},

@@ -104,9 +104,20 @@ def _read_setting(reader: Reader, setting: Setting) -> Any:
         return setting.default
     if isinstance(setting.default, StrEnum):
         return reader.choice(setting.key, setting.default)
+    if isinstance(setting.default, str):
+        return _read_name(reader, setting.key)
     if isinstance(setting.default, int):
         return reader.number(setting.key, setting.default)
     return reader.duration_s(setting.key, setting.default, least="zero" if setting.may_be_zero else "positive")
+
+
+def _read_name(reader: Reader, key: str) -> str:
+    """Return a name that is declared where it is used; empty if it is not a name."""
+    node = reader.scalar(key)
+    if node is None or not check_name(node, shown(key), reader.subject, reader.findings, key):
+        reader.damage(key)
+        return ""
+    return node.text
 
 
 def build_skill(reader: Reader) -> Skill:
