@@ -80,7 +80,9 @@ class BranchObserver(Protocol):
         """Keep a failed look until it is clear that no alternative delivers a value."""
         ...
 
-    def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
+    def write(  # noqa: PLR0917 - the arguments of Observer.write
+        self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float, latest_stamp_s: float
+    ) -> bool:
         """Keep an identified value until the end of the round; return whether the evidence of the value counts."""
         ...
 
@@ -342,7 +344,9 @@ class Branch:
             if confirmed_start_s is None:
                 return False
             start_s = min(start_s, confirmed_start_s)
-        is_counted = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
+        is_counted = self.observer.write(
+            variable, content, self.algorithm.name, start_s, self._stamp_s(), self._latest_stamp_s()
+        )
         if is_counted and not self._is_accepted:
             self._is_accepted = True
             self._cost_meter.accepted_count += 1
@@ -393,7 +397,12 @@ class Branch:
     def _condition_cells(self) -> list[Cell]:
         return [self.observer.services.cells[name] for name in sorted(self.read_variables)]
 
+    def _latest_stamp_s(self) -> float:
+        """Return the latest instant at which the evidence can have been complete."""
+        return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s
+
     def _stamp_s(self) -> float:
+        """Return the instant from which the age of the evidence counts."""
         evidence_s = self._interval.evidence_s
         return self.observer.now_s if evidence_s is None else evidence_s
 
@@ -410,7 +419,7 @@ class Branch:
         still confirm the present value of the variable.
         """
         vote = Vote(content, self._interval.start_s, self._stamp_s())
-        if not self.observer.services.cells[variable].admits(vote.start_s, vote.stamp_s):
+        if not self.observer.services.cells[variable].admits(vote.start_s, self._latest_stamp_s()):
             return vote.start_s  # evidence from before an action is not counted as a vote; `write` reports it
         votes.add(vote, lambda earlier_vote: self._still_counts(variable, earlier_vote, vote))
         start_s = votes.start_s(content)

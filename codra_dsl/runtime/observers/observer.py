@@ -156,9 +156,20 @@ class Observer:
         """Keep a failed look until it is clear that no alternative delivers a value."""
         self._failed_looks.setdefault(variable, []).append(failed_look)
 
-    def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
-        """Keep an identified value until the end of the round; return whether the evidence of the value counts."""
-        if not self.services.cells[variable].admits(start_s, stamp_s):
+    def write(  # noqa: PLR0917 - every look calls this, and keyword arguments take longer
+        self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float, latest_stamp_s: float
+    ) -> bool:
+        """Keep an identified value until the end of the round; return whether the evidence of the value counts.
+
+        Args:
+            variable: the variable.
+            content: its value.
+            algorithm: the algorithm that delivered the value.
+            start_s: when the taking of the evidence began.
+            stamp_s: the instant from which the age of the evidence counts.
+            latest_stamp_s: the latest instant at which the evidence can have been complete.
+        """
+        if not self.services.cells[variable].admits(start_s, latest_stamp_s):
             self.services.event_writer.write(
                 Kind.VARIABLE, variable, "too_old", value=content, evidence_s=stamp_s, source=algorithm
             )

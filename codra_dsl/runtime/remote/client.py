@@ -17,19 +17,10 @@ from typing import Any, Self, TypeVar
 from codra_dsl.isolation.error_text import type_name
 from codra_dsl.runtime.callbacks import log_raised
 from codra_dsl.runtime.forks import new_lock
-from codra_dsl.runtime.remote.json_lines import (
-    RESPONSE_TIMEOUT_S,
-    Address,
-    connect,
-    line_of,
-    message_of,
-    read_line,
-    shut_down,
-    with_send_timeout,
-)
+from codra_dsl.runtime.remote.json_lines import RESPONSE_TIMEOUT_S, Address
+from codra_dsl.runtime.remote.links import INHERITED_TEXT, SocketLink
 from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, plain_value, preview_of, reading_of, type_of
 from codra_dsl.runtime.remote.session import LEASE_S
-from codra_dsl.runtime.remote.token import read_token
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import ValueType, unbox
 from codra_dsl.runtime.values.previews import PreviewAnswer
@@ -38,10 +29,6 @@ Answer = TypeVar("Answer")
 Callback = Callable[[Reading[Any]], None]
 
 _NO_LIMITS = (("max_age_s", math.inf), ("since_s", -math.inf))
-
-_INHERITED_TEXT = (
-    "the connection belongs to the program of which this process is a fork: create a `RemoteContext` in this process"
-)
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -90,12 +77,7 @@ class RemoteContext:
             ConnectionError: if no manager listens at the address, its token cannot be read, or it has no place left.
             TokenError: if the manager has another token.
         """
-        try:
-            self._socket = with_send_timeout(connect(address, RESPONSE_TIMEOUT_S))
-        except OSError as error:
-            raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
-        if token is None:
-            token = self._read_token(address)
+        self._link = SocketLink(address, token)
         self._program_id = os.getpid()
         self._lock = new_lock()
         self._numbers = itertools.count(1)
@@ -104,10 +86,11 @@ class RemoteContext:
         self._reading_notices: queue.Queue[PlainData | None] = queue.Queue()
         self._end_event = threading.Event()
         self._end_reason = "the connection is closed"
-        for target in (self._read, self._call_back):
-            threading.Thread(target=target, name="codra-client", daemon=True).start()
+        self._link.open(self._handle_message, self._end)
+        threading.Thread(target=self._call_back, name="codra-client", daemon=True).start()
+        token_field = {} if self._link.token is None else {"token": self._link.token}
         try:
-            self.hello = self._ask("hello", lease_s=lease_s, **({} if token is None else {"token": token}))
+            self.hello = self._ask("hello", lease_s=lease_s, **token_field)
         except BaseException:
             self._end("the manager refused the connection")
             raise
@@ -122,9 +105,7 @@ class RemoteContext:
     def close(self) -> None:
         """Withdraw all declarations, and disconnect. In a fork of the program, only close the inherited socket."""
         if os.getpid() != self._program_id:
-            descriptor = self._socket.detach()  # `close` would wait for a stream that a thread of the program reads
-            if descriptor >= 0:
-                os.close(descriptor)
+            self._link.close()
             return
         with contextlib.suppress(ConnectionError, RuntimeError):
             self._ask("leave")
@@ -249,13 +230,6 @@ class RemoteContext:
         number = self._await_answer(request_number, future, RESPONSE_TIMEOUT_S)["subscription"]
         return lambda: self._unsubscribe(number)
 
-    def _read_token(self, address: Address) -> str | None:
-        try:
-            return read_token(address) if isinstance(address, int) else None
-        except ConnectionError:
-            self._socket.close()
-            raise
-
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> tuple[Answer | None, PlainData]:
         """Return what the program found by its own look, and the fields of the request that reports it."""
         try:
@@ -277,18 +251,17 @@ class RemoteContext:
 
     def _send(self, ask: str, fields: PlainData, future: Future[PlainData]) -> int:
         if os.getpid() != self._program_id:
-            raise ConnectionError(_INHERITED_TEXT)
+            raise ConnectionError(INHERITED_TEXT)
         number = next(self._numbers)
         plain_fields = {key: unbox(field) for key, field in fields.items()}
-        line = line_of({"codra": VERSION, "id": number, "ask": ask, **plain_fields})
         if self._end_event.is_set():
             raise ConnectionError(self._end_reason)
         self._futures[number] = future
         try:
-            self._socket.sendall(line)
-        except OSError as error:
+            self._link.send({"codra": VERSION, "id": number, "ask": ask, **plain_fields})
+        except BaseException:
             del self._futures[number]
-            raise ConnectionError(f"the manager is gone: {error.strerror or error}") from None
+            raise
         return number
 
     def _await_answer(self, number: int, future: Future[PlainData], wait_s: float) -> PlainData:
@@ -297,16 +270,6 @@ class RemoteContext:
         except TimeoutError:
             self._futures.pop(number, None)
             raise ConnectionError(f"the manager did not answer within {wait_s:g} s") from None
-
-    def _read(self) -> None:
-        reason = "the manager is gone"
-        try:
-            with self._socket.makefile("rb") as stream:
-                while (line := read_line(stream)) is not None:
-                    self._handle_message(message_of(line))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            reason = f"the manager is gone: {error}"
-        self._end(reason)
 
     def _handle_message(self, message: Any) -> None:
         if message.get("notice") in ("lease_over", "closed"):
@@ -330,7 +293,7 @@ class RemoteContext:
         self._reading_notices.put(None)
         for future in open_futures.values():
             future.set_exception(ConnectionError(reason))
-        shut_down(self._socket)
+        self._link.close()
 
     def _keep_alive(self, period_s: float) -> None:
         while not self._end_event.wait(min(period_s, threading.TIMEOUT_MAX)):

@@ -6,6 +6,8 @@ the host reports evidence and outcomes as requests. All reported instants are on
 
 from __future__ import annotations
 
+import contextlib
+import logging
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
@@ -19,26 +21,32 @@ from codra_dsl.runtime.perception.hosts import JobKey
 from codra_dsl.runtime.perception.job import Interval, RunningJob
 from codra_dsl.runtime.perception.outcome import Result
 from codra_dsl.runtime.remote.clock_offset import MAX_DRIFT, ClockOffset
+from codra_dsl.runtime.remote.links import Link, Lose, Receive
 from codra_dsl.runtime.remote.protocol import MAX_NAME_CHARACTERS, VERSION, PlainData, error_of
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
 
 HOST_LEASE_S = 1.5
-"""How long the manager waits for a message of a host before the host counts as lost."""
+"""How long a host and its manager wait for a message of each other before they count as lost."""
 
 KEEP_PERIOD_S = 0.3
 """The time between two messages that renew the lease and compare the clocks."""
 
-Send = Callable[[PlainData], None]
+RECONNECT_PERIOD_S = 0.5
+"""The time between two attempts to connect."""
+
+Connect = Callable[[Receive, Lose], Link]
+"""Returns an open link to the manager, or raises ConnectionError."""
+
+_LOGGER = logging.getLogger(__name__)
 
 
 class Host:
-    """Executes the jobs of one host, in any kind of time.
+    """Executes the jobs of one host, in any kind of time. It connects again whenever the connection is lost.
 
     Attributes:
         name: the name of the host in the spec.
         is_attached: whether the manager has accepted the host.
-        refusal: the error with which the manager refused the host; None if it did not.
     """
 
     def __init__(
@@ -48,6 +56,7 @@ class Host:
         *,
         handles: Mapping[str, object],
         clock: Clock,
+        connect: Connect,
         spec_digest: str = "",
         max_drift: float = MAX_DRIFT,
         find: Callable[[Algorithm], Function] = imported,
@@ -59,6 +68,7 @@ class Host:
             algorithms: the algorithms of the spec; those of other hosts are ignored.
             handles: the handle of each resource without slots.
             clock: the clock of this machine.
+            connect: connects to the manager.
             spec_digest: the digest of the spec, which must be that of the manager's spec.
             max_drift: the largest drift between the clocks of both machines, in seconds per second.
             find: returns the function of an algorithm.
@@ -71,43 +81,100 @@ class Host:
         self._algorithms = {algorithm.name: algorithm for algorithm in algorithms if algorithm.host == name}
         self._handles = handles
         self._clock = clock
+        self._connect = connect
         self._spec_digest = spec_digest
+        self._max_drift = max_drift
         self._executors = Executors(find, clock.start)
         self._executors.prepare(list(self._algorithms.values()), handles)
-        self._clock_offset = ClockOffset(max_drift)
         self._lock = new_lock()
-        self._send: Send | None = None
+        self._link: Link | None = None
+        self._is_closed = False
         self._works: dict[JobKey, Work] = {}
-        self._asked: dict[int, tuple[str, float]] = {}
+        self._questions: dict[int, tuple[str, float]] = {}
         self._request_count = 0
-        self._keep_timer: Timer | None = None
-        self.refusal: Exception | None = None
+        self._clock_offset = ClockOffset(max_drift)
+        self._last_answer_s = 0.0
+        self._timer: Timer | None = None
+        self._last_report = ""
 
-    def open(self, send: Send) -> None:
-        """Attach the host to a manager; `send` passes requests to it, and neither waits nor raises."""
+    def start(self) -> None:
+        """Connect to the manager, now or as soon as it can be reached."""
         with self._lock:
-            self._send, self.refusal = send, None
-            self._ask("hello", lease_s=HOST_LEASE_S)
+            if self._is_closed:
+                return
+            try:
+                self._link = self._connect(self._receive, self._lose)
+            except ConnectionError as error:
+                self._report(str(error))
+                self._schedule(RECONNECT_PERIOD_S, self.start)
+                return
+            self._clock_offset, self._last_answer_s = ClockOffset(self._max_drift), self._clock.now_s()
+            self._questions.clear()
+            token_field = {} if self._link.token is None else {"token": self._link.token}
+            self._ask("hello", lease_s=HOST_LEASE_S, **token_field)
             self._ask("attach", host=self.name, digest=self._spec_digest)
             self._keep()
 
-    def lose(self) -> None:
-        """Cancel all jobs, because the connection to the manager is lost."""
+    def close(self) -> None:
+        """Cancel all jobs, leave the manager, and end all processes. This method waits."""
         with self._lock:
-            self._send, self.is_attached = None, False
+            self._is_closed = True
+            self._ask("leave")
+        self._lose("the host has closed")
+        self._executors.close()
+
+    # Connection
+
+    def _schedule(self, delay_s: float, callback: Callable[[], None]) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self._clock.call_at(self._clock.now_s() + delay_s, callback)
+
+    def _report(self, text: str) -> None:
+        """Log the state of the connection if it has changed."""
+        if text != self._last_report:
+            self._last_report = text
+            _LOGGER.warning("host %s: %s", self.name, text)
+
+    def _lose(self, because: str) -> None:
+        """Cancel all jobs, because the link is lost; connect again a little later, unless the host is closed."""
+        with self._lock:
+            link, self._link, self.is_attached = self._link, None, False
+            if link is None:
+                return
             works = list(self._works.values())
-            self._asked.clear()
-            if self._keep_timer is not None:
-                self._keep_timer.cancel()
+            self._report(f"not connected: {because}")
+            if self._timer is not None:
+                self._timer.cancel()
+            if not self._is_closed:
+                self._schedule(RECONNECT_PERIOD_S, self.start)
+        link.close()
         for work in works:
             work.cancel()
 
-    def close(self) -> None:
-        """Cancel all jobs, and end all processes. This method waits."""
-        self.lose()
-        self._executors.close()
+    def _ask(self, ask: str, **fields: object) -> None:
+        """Send a request, unless the host is not connected: then the manager has given up its jobs."""
+        with self._lock:
+            if self._link is None:
+                return
+            self._request_count += 1
+            self._questions[self._request_count] = (ask, self._clock.now_s())
+            with contextlib.suppress(ConnectionError):  # the end of the link follows
+                self._link.send({"codra": VERSION, "id": self._request_count, "ask": ask, **fields})
 
-    def receive(self, message: Mapping[str, Any]) -> None:
+    def _keep(self) -> None:
+        """Renew the lease and compare the clocks, again and again; a manager that does not answer is lost."""
+        with self._lock:
+            if self._link is None:
+                return
+            is_silent = self._clock.now_s() - self._last_answer_s > HOST_LEASE_S
+            if not is_silent:
+                self._ask("keep")
+                self._schedule(KEEP_PERIOD_S, self._keep)
+        if is_silent:
+            self._lose(f"the manager did not answer for {HOST_LEASE_S:g} s")
+
+    def _receive(self, message: Any) -> None:
         """Handle an answer, an error or an order of the manager."""
         match message:
             case {"notice": "perform"}:
@@ -118,37 +185,24 @@ class Host:
             case {"notice": "kill"}:
                 if (message["algorithm"], message["index"]) in self._works:
                     self._executors.executor_of(self._algorithms[message["algorithm"]]).kill_job()
+            case {"notice": "closed" | "lease_over"}:
+                self._lose(str(message["message"]))
             case {"id": int(number)}:
                 self._note_answer(number, message)
             case _:
                 pass
 
-    # Messages to the manager
-
-    def _ask(self, ask: str, **fields: object) -> None:
-        with self._lock:
-            if self._send is None:
-                return
-            self._request_count += 1
-            self._asked[self._request_count] = (ask, self._clock.now_s())
-            self._send({"codra": VERSION, "id": self._request_count, "ask": ask, **fields})
-
     def _note_answer(self, number: int, message: Mapping[str, Any]) -> None:
-        ask, asked_s = self._asked.pop(number, ("", 0.0))
-        if "error" in message and ask in ("hello", "attach"):
-            self.refusal = error_of(message["error"])
-        elif "error" not in message and ask in ("hello", "keep"):
-            self._clock_offset.add(asked_s, message["answer"]["now_s"], self._clock.now_s())
-        elif "error" not in message and ask == "attach":
-            self.is_attached = True
-
-    def _keep(self) -> None:
-        """Renew the lease and compare the clocks, now and then again and again."""
         with self._lock:
-            if self._send is None:
-                return
-            self._ask("keep")
-            self._keep_timer = self._clock.call_at(self._clock.now_s() + KEEP_PERIOD_S, self._keep)
+            ask, asked_s = self._questions.pop(number, ("", 0.0))
+            now_s = self._last_answer_s = self._clock.now_s()
+            if "error" not in message and ask in ("hello", "keep"):
+                self._clock_offset.add(asked_s, message["answer"]["now_s"], now_s)
+            elif "error" not in message and ask == "attach":
+                self.is_attached = True
+                self._report("connected")
+        if "error" in message and ask in ("hello", "attach"):
+            self._lose(str(error_of(message["error"])))
 
     # Jobs
 

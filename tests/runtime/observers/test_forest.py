@@ -120,7 +120,7 @@ class Flip(Behaviour):
 
     def update(self) -> Status:
         now_s = self._observer.now_s
-        self._observer.write("a", not self._observer.context_now().value("a"), "eye", now_s, now_s)
+        self._observer.write("a", not self._observer.context_now().value("a"), "eye", now_s, now_s, now_s)
         return Status.SUCCESS
 
 

@@ -564,6 +564,8 @@ fitting = {
     FieldType.LEASE: some.floats(0, 10),
     FieldType.TRUTH: some.booleans(),
     FieldType.VALUE: some.booleans() | some.integers(-5, 5) | some.text(max_size=2),
+    FieldType.VALUES: some.lists(some.fixed_dictionaries({"name": some.text(max_size=2), "value": some.booleans()})),
+    FieldType.INSTANTS: some.lists(some.floats(-10, 10), min_size=2, max_size=2),
 }
 
 
