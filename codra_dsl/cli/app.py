@@ -32,6 +32,8 @@ _COMMANDS = {
     "shadow": "codra_dsl.cli.shadow:shadow_command",
     "why": "codra_dsl.cli.why:why_command",
     "replay": "codra_dsl.cli.replay:replay_command",
+    "serve": "codra_dsl.cli.running.serve:serve_command",
+    "host": "codra_dsl.cli.running.serve:host_command",
     "override": "codra_dsl.cli.running.override:override_command",
     "journal": "codra_dsl.cli.journal:journal_commands",
     "language-server": "codra_dsl.cli.editors.language_server:language_server_command",

@@ -332,14 +332,15 @@ def common_root(paths: Sequence[Path]) -> Path:
     return roots[0]
 
 
-def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
+def one_plan(path: Path, root: Path, colour: Colour, *, sites: Sequence[Path] = ()) -> BuildPlan:
     """Return the build plan of the only spec at a path, and write the findings about this spec to standard output.
 
     Several specs are a usage error. If there is no plan because of errors, exit.
     """
     from codra_dsl.compiler import plan_paths
+    from codra_dsl.language.diagnostics import has_errors
 
-    planning_result = plan_paths([path], root)
+    planning_result = plan_paths([path], root, sites=sites)
     if planning_result.diagnostics:
         write_result(View(root=root, format=Format.FULL, colour=colour).render(planning_result.diagnostics, sys.stdout))
         say(counts_text(planning_result.diagnostics))
@@ -347,7 +348,7 @@ def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
         raise typer.BadParameter(
             f"'{path}' has {len(planning_result.plans)} specs: choose one of them", param_hint="SPEC"
         )
-    if not planning_result.plans:
+    if not planning_result.plans or has_errors(planning_result.diagnostics):
         raise typer.Exit(ExitCode.FAILED)
     return planning_result.plans[0]
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from codra_dsl.cli.console import ExitCode, harmless_text, say
+from codra_dsl.cli.running.addresses import address_of
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.remote import RemoteContext
     from codra_dsl.runtime.values.model import ValueType
 
 _TRUTH_VALUES = {"true": True, "false": False}
-_PORT = re.compile(r"[0-9]{1,5}")
 _INTEGER = re.compile(r"[+-]?[0-9]{1,100}")
 _NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf)")
 
@@ -66,7 +66,7 @@ def _request(address: str, send: Callable[[RemoteContext], None]) -> None:
     from codra_dsl.runtime.remote import RemoteContext, TokenError
 
     try:
-        with RemoteContext(int(address) if _PORT.fullmatch(address) else address) as codra:
+        with RemoteContext(address_of(address)) as codra:
             send(codra)
     except (ConnectionError, TokenError, RuntimeError) as error:
         say(f"codra: {error}")

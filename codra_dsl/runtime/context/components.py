@@ -69,7 +69,9 @@ class Components:
         self.perception = Perception(
             clock=self.clock,
             slots=self.slots,
-            handles=with_site_handles(model.resources, resources, clock),
+            make_handles=lambda names: with_site_handles(
+                [resource for resource in model.resources if resource.name in names], resources, clock
+            ),
             seed=seed,
             event_writer=self.event_writer,
             hosts=Hosts(self.clock, are_here=hosts_here or find is not imported),

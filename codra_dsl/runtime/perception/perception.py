@@ -7,7 +7,7 @@ main execution are not affected (P1, section 3.2: observers never interfere).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 from codra_dsl.isolation.error_text import described
 from codra_dsl.logic import Value
@@ -42,7 +42,7 @@ class Perception:
         *,
         clock: Clock,
         slots: Slots,
-        handles: Mapping[str, object],
+        make_handles: Callable[[Collection[str]], Mapping[str, object]],
         seed: int,
         event_writer: EventWriter,
         hosts: Hosts,
@@ -53,7 +53,7 @@ class Perception:
         Args:
             clock: the clock that gives the time of the jobs.
             slots: the slots of shared resources.
-            handles: the handle of each resource without slots. The key is the name of the resource.
+            make_handles: returns the handles of all resources whose names are in its argument, by name.
             seed: the seed of the random numbers that jobs draw.
             event_writer: writes the events of jobs.
             hosts: runs the jobs of algorithms with a host.
@@ -62,7 +62,8 @@ class Perception:
         self._clock = clock
         self._executors = Executors(find_function, clock.start)
         self._slots = slots
-        self._handles = handles
+        self._make_handles = make_handles
+        self._handles: Mapping[str, object] = {}
         self._seed = seed
         self._event_writer = event_writer
         self.hosts = hosts
@@ -79,6 +80,7 @@ class Perception:
         """
         algorithms_by_name = {algorithm.name: algorithm for algorithm in algorithms}
         local_algorithms = [algorithm for algorithm in algorithms_by_name.values() if not self._has_host(algorithm)]
+        self._handles = self._make_handles({name for algorithm in local_algorithms for name in algorithm.handles})
         for algorithm in local_algorithms:
             self._check_handles(algorithm)
         for algorithm in algorithms_by_name.values():

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from types import ModuleType
 from typing import Any
 
 from codra_dsl.isolation.error_text import described
 from codra_dsl.runtime.clock import Clock, Timer, Work
+from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.perception import Failure, Function, imported
 from codra_dsl.runtime.perception.executors import Executors
@@ -24,7 +27,7 @@ from codra_dsl.runtime.remote.clock_offset import MAX_DRIFT, ClockOffset
 from codra_dsl.runtime.remote.links import Link, Lose, Receive
 from codra_dsl.runtime.remote.protocol import MAX_NAME_CHARACTERS, VERSION, PlainData, error_of
 from codra_dsl.runtime.values.cell import Reason
-from codra_dsl.runtime.values.model import Algorithm
+from codra_dsl.runtime.values.model import Algorithm, ResourceModel
 
 HOST_LEASE_S = 1.5
 """How long a host and its manager wait for a message of each other before they count as lost."""
@@ -264,3 +267,24 @@ class _HostJob(RunningJob):
         """Report when the evidence was taken, on the clock of this machine."""
         super().report(interval)
         self._on_report(interval)
+
+
+def algorithms_of(package: ModuleType, host: str) -> Sequence[Algorithm]:
+    """Return the algorithms of a host in a generated package.
+
+    Raises:
+        UnknownNameError: if no algorithm of the spec has this host.
+    """
+    modules = [module for module in vars(package).values() if isinstance(module, ModuleType)]
+    members = [member for module in modules for member in vars(module).values()]
+    algorithms = {member.name: member for member in members if isinstance(member, Algorithm) and member.host}
+    hosts = {algorithm.host for algorithm in algorithms.values()}
+    if host not in hosts:
+        raise unknown_name_error("host", host, sorted(hosts))
+    return [algorithm for algorithm in algorithms.values() if algorithm.host == host]
+
+
+def used_resources(model: ContextModel, algorithms: Iterable[Algorithm]) -> Sequence[ResourceModel]:
+    """Return the resources whose handles some algorithms read."""
+    names = {name for algorithm in algorithms for name in algorithm.handles}
+    return [resource for resource in model.resources if resource.name in names]

@@ -1,0 +1,122 @@
+"""`codra serve` and `codra host`: a context manager as a program of its own, and the programs that look for it."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say, writable_journal
+from codra_dsl.cli.options import ColourOption
+from codra_dsl.cli.running.addresses import address_of
+
+if TYPE_CHECKING:
+    from codra_dsl.integrations.inspection.loading import CompiledSpec
+
+SpecFile = Annotated[Path, typer.Argument(metavar="SPEC", help="The spec.", show_default=False)]
+SiteOption = Annotated[
+    Path | None,
+    typer.Option("--site", metavar="FILE", help="The site, which makes the handles of resources.", show_default=False),
+]
+
+
+def serve_command(
+    spec: SpecFile,
+    *,
+    listen: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="The path of a Unix socket, or a port of this machine.", show_default=False
+        ),
+    ],
+    site: SiteOption = None,
+    journal: Annotated[
+        Path | None,
+        typer.Option("--journal", metavar="FILE", help="Write the run's journal, an MCAP file.", show_default=False),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="The seed of the random numbers of perception functions.")] = 0,
+    color: ColourOption = Colour.AUTO,
+) -> None:
+    """Run the observers of a spec, and serve their context to other programs until SIGINT or SIGTERM."""
+    from codra_dsl.runtime import EventLog, Journal, WallClock
+    from codra_dsl.runtime.remote import Server
+
+    with _loaded(spec, site, color) as compiled, ExitStack() as stack:
+        record = EventLog() if journal is None else Journal(writable_journal(journal))
+        clock = stack.enter_context(WallClock())
+        codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=seed, record=record))
+        server = stack.enter_context(Server(codra, address_of(listen)))
+        say(f"serving '{compiled.spec.name}' at {server.address}")
+        _wait_for_signal()
+
+
+def host_command(
+    name: Annotated[str, typer.Argument(metavar="HOST", help="The name of this host in the spec.", show_default=False)],
+    spec: SpecFile,
+    *,
+    connect: Annotated[str, typer.Option(metavar="ADDRESS", help="The address of the manager.", show_default=False)],
+    site: SiteOption = None,
+    color: ColourOption = Colour.AUTO,
+) -> None:
+    """Run the perception functions of a host for a context manager, until SIGINT or SIGTERM."""
+    from codra_dsl.runtime import WallClock
+    from codra_dsl.runtime.context.package_files import manifest_of
+    from codra_dsl.runtime.perception.site_handles import with_site_handles
+    from codra_dsl.runtime.remote.host import Host, algorithms_of, used_resources
+    from codra_dsl.runtime.remote.links import open_link
+
+    address = address_of(connect)
+    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    with _loaded(spec, site, color) as compiled, WallClock() as clock:
+        algorithms = algorithms_of(compiled.package, name)
+        host = Host(
+            name,
+            algorithms,
+            handles=with_site_handles(used_resources(compiled.package.MODEL, algorithms), {}, clock),
+            clock=clock,
+            connect=lambda receive, lose: open_link(address, receive, lose),
+            spec_digest=manifest_of(Path(compiled.package.__file__ or "").parent).get("model", ""),
+        )
+        host.start()
+        try:
+            _wait_for_signal()
+        finally:
+            host.close()
+
+
+@contextmanager
+def _loaded(spec: Path, site: Path | None, colour: Colour) -> Iterator[CompiledSpec]:
+    """Compile a spec at a site and import the package. Errors of perception functions and handles end the command."""
+    from codra_dsl.integrations.inspection.loading import compile_and_load
+    from codra_dsl.runtime.errors import UnknownNameError
+    from codra_dsl.runtime.perception import CallError
+
+    sites = existing([] if site is None else [site])
+    (spec,) = existing([spec])
+    root = common_root([spec, *sites])
+    plan = one_plan(spec, root, colour, sites=sites)
+    sys.path.append(str(root))  # the robot's own perception functions may be beside its specs
+    try:
+        with tempfile.TemporaryDirectory(prefix="codra-") as folder:
+            yield compile_and_load(plan, Path(folder) / "generated")
+    except (CallError, UnknownNameError, OSError) as error:
+        say(f"codra: {error}")
+        raise typer.Exit(ExitCode.FAILED) from error
+
+
+def _wait_for_signal() -> None:
+    """Wait for SIGINT or SIGTERM."""
+    signals = {signal.SIGINT, signal.SIGTERM}
+    handlers: dict[signal.Signals, Callable[..., object] | int | None] = {
+        number: signal.signal(number, lambda *_: None) for number in signals
+    }
+    signal.sigwait(signals)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
