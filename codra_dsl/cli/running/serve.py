@@ -46,14 +46,14 @@ def serve_command(
 ) -> None:
     """Run the observers of a spec, and serve their context to other programs until SIGINT or SIGTERM."""
     from codra_dsl.runtime import EventLog, Journal, WallClock
-    from codra_dsl.runtime.remote import Server
+    from codra_dsl.runtime.remote.endpoints import serve
 
     with _loaded(spec, site, color) as compiled, ExitStack() as stack:
         record = EventLog() if journal is None else Journal(writable_journal(journal))
         clock = stack.enter_context(WallClock())
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=seed, record=record))
-        server = stack.enter_context(Server(codra, address_of(listen)))
-        say(f"serving '{compiled.spec.name}' at {server.address}")
+        stack.enter_context(serve(codra, address_of(listen)))
+        say(f"serving '{compiled.spec.name}' at {listen}")
         _wait_for_signal()
 
 
@@ -69,8 +69,8 @@ def host_command(
     from codra_dsl.runtime import WallClock
     from codra_dsl.runtime.context.package_files import manifest_of
     from codra_dsl.runtime.perception.site_handles import with_site_handles
+    from codra_dsl.runtime.remote.endpoints import connect as connect_link
     from codra_dsl.runtime.remote.host import Host, algorithms_of, used_resources
-    from codra_dsl.runtime.remote.links import open_link
 
     address = address_of(connect)
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
@@ -81,7 +81,7 @@ def host_command(
             algorithms,
             handles=with_site_handles(used_resources(compiled.package.MODEL, algorithms), {}, clock),
             clock=clock,
-            connect=lambda receive, lose: open_link(address, receive, lose),
+            connect=lambda: connect_link(address),
             spec_digest=manifest_of(Path(compiled.package.__file__ or "").parent).get("model", ""),
         )
         host.start()

@@ -17,10 +17,12 @@ from typing import Any, Self, TypeVar
 from codra_dsl.isolation.error_text import type_name
 from codra_dsl.runtime.callbacks import log_raised
 from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.remote.endpoints import connect
 from codra_dsl.runtime.remote.json_lines import RESPONSE_TIMEOUT_S, Address
-from codra_dsl.runtime.remote.links import INHERITED_TEXT, SocketLink
+from codra_dsl.runtime.remote.links import INHERITED_TEXT
 from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, plain_value, preview_of, reading_of, type_of
 from codra_dsl.runtime.remote.session import LEASE_S
+from codra_dsl.runtime.remote.zenoh_session import NetworkAddress
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import ValueType, unbox
 from codra_dsl.runtime.values.previews import PreviewAnswer
@@ -65,11 +67,13 @@ class RemoteContext:
         hello: the manager's answer to `hello`: spec, party, lease, instant, variables and skills.
     """
 
-    def __init__(self, address: Address, *, lease_s: float = LEASE_S, token: str | None = None) -> None:
+    def __init__(
+        self, address: Address | NetworkAddress, *, lease_s: float = LEASE_S, token: str | None = None
+    ) -> None:
         """Connect.
 
         Args:
-            address: the path of a Unix socket, or a port of 127.0.0.1.
+            address: the path of a Unix socket, a port of 127.0.0.1, or an address of a network.
             lease_s: how long declarations are kept after the last message of this process.
             token: the token of a manager at a port; by default it is read from the manager's token file.
 
@@ -77,7 +81,7 @@ class RemoteContext:
             ConnectionError: if no manager listens at the address, its token cannot be read, or it has no place left.
             TokenError: if the manager has another token.
         """
-        self._link = SocketLink(address, token)
+        self._link = connect(address, token)
         self._program_id = os.getpid()
         self._lock = new_lock()
         self._numbers = itertools.count(1)

@@ -53,15 +53,15 @@ class FakeNetwork:
         self._random = Random(f"{seed} network")
         self._faults = Faults() if faults is None else faults
 
-    def connect(self, codra: ContextManager[Any, Any], receive: Receive, lose: Lose) -> FakeLink:
-        """Return an open link to a manager.
+    def connect(self, codra: ContextManager[Any, Any]) -> FakeLink:
+        """Return a link to a manager.
 
         Raises:
             ConnectionError: if the network is cut.
         """
         if self.is_cut:
             raise ConnectionError("the network is cut")
-        return FakeLink(self, self._clock, codra, receive, lose)
+        return FakeLink(self, self._clock, codra)
 
     def transmit(self, deliver: Callable[[], None]) -> None:
         """Call `deliver` after a delay: once, twice or never."""
@@ -80,27 +80,20 @@ class FakeLink:
 
     token = None
 
-    def __init__(
-        self, network: FakeNetwork, clock: SimClock, codra: ContextManager[Any, Any], receive: Receive, lose: Lose
-    ) -> None:
-        """Open a session of the manager.
-
-        Args:
-            network: carries the messages.
-            clock: the clock of the network.
-            codra: the manager.
-            receive: receives the messages of the manager.
-            lose: called when the link is lost.
-        """
+    def __init__(self, network: FakeNetwork, clock: SimClock, codra: ContextManager[Any, Any]) -> None:
+        """Open a session of the manager."""
         self._network = network
-        self._lose: Lose = lose
+        self._clock = clock
         self._is_closed = False
+        self._lose: Lose = lambda _: None
         self._session: Session = open_session(codra, self._send_to_program)
         self._to_manager = _Direction(network, clock, self._session.receive, self._end)
-        self._to_program = _Direction(network, clock, receive, self._end)
+        self._to_program = _Direction(network, clock, lambda _: None, self._end)
 
     def open(self, receive: Receive, lose: Lose) -> None:
-        """Do nothing: the link is open."""
+        """Begin to receive messages."""
+        self._lose = lose
+        self._to_program = _Direction(self._network, self._clock, receive, self._end)
 
     def send(self, message: PlainData) -> None:
         """Send a message to the manager."""

@@ -24,7 +24,7 @@ from codra_dsl.runtime.perception.hosts import JobKey
 from codra_dsl.runtime.perception.job import Interval, RunningJob
 from codra_dsl.runtime.perception.outcome import Result
 from codra_dsl.runtime.remote.clock_offset import MAX_DRIFT, ClockOffset
-from codra_dsl.runtime.remote.links import Link, Lose, Receive
+from codra_dsl.runtime.remote.links import Link
 from codra_dsl.runtime.remote.protocol import MAX_NAME_CHARACTERS, VERSION, PlainData, error_of
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm, ResourceModel
@@ -38,8 +38,8 @@ KEEP_PERIOD_S = 0.3
 RECONNECT_PERIOD_S = 0.5
 """The time between two attempts to connect."""
 
-Connect = Callable[[Receive, Lose], Link]
-"""Returns an open link to the manager, or raises ConnectionError."""
+Connect = Callable[[], Link]
+"""Returns a link to the manager, or raises ConnectionError."""
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -106,13 +106,14 @@ class Host:
             if self._is_closed:
                 return
             try:
-                self._link = self._connect(self._receive, self._lose)
+                link = self._link = self._connect()
             except ConnectionError as error:
                 self._report(str(error))
                 self._schedule(RECONNECT_PERIOD_S, self.start)
                 return
             self._clock_offset, self._last_answer_s = ClockOffset(self._max_drift), self._clock.now_s()
             self._questions.clear()
+            link.open(self._receive, self._lose)
             token_field = {} if self._link.token is None else {"token": self._link.token}
             self._ask("hello", lease_s=HOST_LEASE_S, **token_field)
             self._ask("attach", host=self.name, digest=self._spec_digest)

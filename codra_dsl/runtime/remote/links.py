@@ -123,14 +123,3 @@ class SocketLink:
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             reason = f"the manager is gone: {error}"
         lose(reason)
-
-
-def open_link(address: Address, receive: Receive, lose: Lose) -> Link:
-    """Return an open link to the manager at an address.
-
-    Raises:
-        ConnectionError: if no manager listens there.
-    """
-    link = SocketLink(address)
-    link.open(receive, lose)
-    return link

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-
-from codra_dsl.runtime.remote.protocol import PlainData
+from typing import Any
 
 GAP_TIMEOUT_S = 0.5
 """How long a missing message may take before the link counts as lost."""
@@ -29,14 +28,14 @@ class Ordering:
 
     def __init__(self) -> None:
         self._next_number = 1
-        self._early_messages: dict[int, PlainData] = {}
+        self._early_messages: dict[int, Any] = {}
 
     @property
     def has_gap(self) -> bool:
         """Return whether a message is missing before one that has arrived."""
         return bool(self._early_messages)
 
-    def add(self, number: int, message: PlainData) -> Iterator[PlainData]:
+    def add(self, number: int, message: Any) -> Iterator[Any]:
         """Add a message that has arrived; yield the messages that come next in the order."""
         if number >= self._next_number and len(self._early_messages) < _MAX_EARLY_MESSAGES:
             self._early_messages[number] = message

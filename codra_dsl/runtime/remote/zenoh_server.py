@@ -1,0 +1,157 @@
+"""Serve a context manager over Zenoh: one session for each link of a program."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, line_of, message_of
+from codra_dsl.runtime.remote.ordering import Numbering, Ordering
+from codra_dsl.runtime.remote.protocol import MessageError, PlainData, error_to, notice
+from codra_dsl.runtime.remote.server import MAX_CONNECTIONS
+from codra_dsl.runtime.remote.session import Session, open_session
+from codra_dsl.runtime.remote.zenoh_link import ROOT
+from codra_dsl.runtime.remote.zenoh_session import NetworkAddress, ZenohSession
+
+_HOST = re.compile(r"(?P<protocol>[a-z_]+)/\[?(?P<host>[^\]/]*?)\]?:\d+(?:[?#].*)?")
+_PROTECTED_PROTOCOLS = frozenset({"tls", "quic"})
+
+
+@dataclass(slots=True)
+class _Client:
+    """The manager's end of one link."""
+
+    session: Session
+    numbering: Numbering = field(default_factory=Numbering)
+    ordering: Ordering = field(default_factory=Ordering)
+
+
+class ZenohServer:
+    """Serves a context manager at an address of a network. It is also the router of the programs that connect.
+
+    Attributes:
+        address: where the manager listens.
+    """
+
+    def __init__(self, codra: ContextManager[Any, Any], address: NetworkAddress) -> None:
+        """Begin to listen.
+
+        Raises:
+            PermissionError: if other machines could connect without TLS and users.
+            ConnectionError: if the address is taken or cannot be used.
+            MissingZenohError: if Zenoh is not installed.
+        """
+        check_exposure(address)
+        self.address = address
+        self._codra = codra
+        self._root = f"{ROOT}/{codra.model.name}"
+        self._lock = new_lock()
+        self._clients: dict[str, _Client] = {}
+        self._ended_links: dict[str, None] = {}
+        self._session = ZenohSession(address, is_router=True)
+        self._session.subscribe(f"{self._root}/to/*/*", self._arrive)
+        self._session.watch(f"{self._root}/client/*/*", self._note_client)
+        self._session.show(f"{self._root}/manager")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all sessions, and stop listening."""
+        with self._lock:
+            clients, self._clients = self._clients, {}
+        for link, client in clients.items():
+            self._send(link, client, notice("closed", message="the manager has closed"))
+            client.session.close("the manager has closed")
+        self._session.close()
+
+    def _arrive(self, key: str, payload: bytes, attachment: str) -> None:
+        link = _link_of(key)
+        client = self._client(link, attachment)
+        if client is None:
+            return
+        try:
+            message = self._message(payload)
+        except MessageError as error:
+            self._send(link, client, error_to(None, error))
+            return
+        for ready_message in client.ordering.add(int(attachment), message):
+            client.session.receive(ready_message)
+        if client.session.is_over:
+            self._drop(link, "the session is over")
+
+    def _message(self, payload: bytes) -> Any:
+        if len(payload) > MAX_LINE_BYTES:
+            raise MessageError(f"a request may have at most {MAX_LINE_BYTES} bytes")
+        return message_of(payload)
+
+    def _client(self, link: str, attachment: str) -> _Client | None:
+        """Return the client of a link, which the first message opens; None if there is none."""
+        with self._lock:
+            client = self._clients.get(link)
+            if client is not None or not attachment.isdecimal() or link in self._ended_links:
+                return client
+            if len(self._clients) >= MAX_CONNECTIONS:
+                return None
+
+            def send(message: PlainData) -> None:
+                self._send(link, opened_client, message)
+
+            opened_client = _Client(open_session(self._codra, send))
+            self._clients[link] = opened_client
+            return opened_client
+
+    def _send(self, link: str, client: _Client, message: PlainData) -> None:
+        line = line_of(message)
+        with self._lock:  # so messages are sent in the order of their numbers
+            self._session.send(f"{self._root}/from/{link}", line, str(client.numbering.next()))
+
+    def _note_client(self, key: str, is_alive: bool) -> None:
+        if not is_alive:
+            self._drop(_link_of(key), "the connection was lost")
+
+    def _drop(self, link: str, because: str) -> None:
+        with self._lock:
+            client = self._clients.pop(link, None)
+            self._ended_links[link] = None
+            if len(self._ended_links) > MAX_CONNECTIONS:
+                del self._ended_links[next(iter(self._ended_links))]
+        if client is not None:
+            self._send(link, client, notice("closed", message=because))
+            client.session.close(because)
+
+
+def _link_of(key: str) -> str:
+    """Return the user and the number of a link, from a key."""
+    return "/".join(key.split("/")[-2:])
+
+
+def check_exposure(address: NetworkAddress) -> None:
+    """Check that only programs of this machine can connect, or that TLS and users protect the manager.
+
+    Raises:
+        PermissionError: if neither is the case.
+    """
+    match = _HOST.fullmatch(address.endpoint)
+    if match is not None and _is_loopback(match["host"]):
+        return
+    is_protected = match is not None and match["protocol"] in _PROTECTED_PROTOCOLS and address.config is not None
+    if not is_protected:
+        raise PermissionError(
+            f"other machines could connect to {address} without a password: "
+            "listen at 127.0.0.1, or configure TLS and users"
+        )
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
