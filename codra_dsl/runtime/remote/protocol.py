@@ -183,6 +183,10 @@ class LeaseError(RuntimeError):
     """A request came from a session that is over."""
 
 
+class NotPermittedError(PermissionError):
+    """The user of a session may not make a request."""
+
+
 class TokenError(PermissionError):
     """A connection to a port does not begin with `hello` and the token of the manager."""
 
@@ -191,6 +195,7 @@ ERRORS: Mapping[str, type[Exception]] = {
     "malformed": MessageError,
     "lease_over": LeaseError,
     "wrong_token": TokenError,
+    "not_permitted": NotPermittedError,
     "unknown_name": UnknownNameError,
     "not_declared": NotDeclaredError,
     "not_a_source": NotASourceError,

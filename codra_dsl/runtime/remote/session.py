@@ -7,6 +7,7 @@ the lease.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterable, Sized
 from dataclasses import dataclass
@@ -22,10 +23,12 @@ from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.perception import Failure, Interval
 from codra_dsl.runtime.remote.host_orders import HostOrders
+from codra_dsl.runtime.remote.permissions import Permissions
 from codra_dsl.runtime.remote.protocol import (
     REPORTED_ERRORS,
     LeaseError,
     MessageError,
+    NotPermittedError,
     PlainData,
     Request,
     answer_to,
@@ -56,26 +59,36 @@ MAX_RUNNING_SKILLS = 100
 MAX_SUBSCRIPTIONS = 100
 """The maximum number of subscriptions of a session; one subscription may have many variables."""
 
+_LOGGER = logging.getLogger(__name__)
+
 LEASE_S = 5.0
 """How long a session lasts without a message, unless its main execution requests another time."""
 
 Send = Callable[[PlainData], None]
 
 
-def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
+def open_session(codra: ContextManager[Any, Any], send: Send, permissions: Permissions | None = None) -> Session:
     """Begin a session for a further main execution, which may run anywhere and sends messages of plain data.
 
     Args:
         codra: the context manager.
         send: receives answers and notices, in any thread; it must neither wait nor raise an exception.
+        permissions: the requests that the user of the session may make; by default all requests.
     """
-    return Session(codra, codra.clock, codra.next_main_execution_name(), send)
+    return Session(codra, codra.clock, codra.next_main_execution_name(), send, permissions)
 
 
 class Session:
     """The manager's side of one main execution."""
 
-    def __init__(self, codra: ContextManager[Any, Any], clock: Clock, party: str, send: Send) -> None:
+    def __init__(
+        self,
+        codra: ContextManager[Any, Any],
+        clock: Clock,
+        party: str,
+        send: Send,
+        permissions: Permissions | None = None,
+    ) -> None:
         """Begin a session; use `open_session`.
 
         Args:
@@ -83,6 +96,7 @@ class Session:
             clock: the clock of the context manager, which ends the lease and the waits.
             party: the name of the session in declarations.
             send: receives answers and notices; it must neither wait nor raise an exception.
+            permissions: the requests that the user of the session may make; by default all requests.
         """
         self.party = party
         self._codra = codra
@@ -91,6 +105,7 @@ class Session:
         self._skills = frozenset(skill.name for skill in codra.model.skills)
         self._clock = clock
         self._send = send
+        self._permissions = permissions
         self._lock = new_lock()
         self._lease_s = LEASE_S
         self._last_message_s = clock.now_s()
@@ -117,8 +132,14 @@ class Session:
             try:
                 request = request_of(message)
                 self._check_alive()
+                if self._permissions is not None:
+                    self._permissions.check(request)
                 self._last_message_s = self._clock.now_s()
                 answer = self._handle_request(request)
+            except NotPermittedError as error:
+                _LOGGER.warning("refused: %s", error)
+                self._send(error_to(id_of(message), error))
+                return
             except REPORTED_ERRORS as error:
                 self._send(error_to(id_of(message), error))
                 return

@@ -34,13 +34,12 @@ class ZenohLink:
 
     token = None
 
-    def __init__(self, address: NetworkAddress, *, spec: str = "*", user: str = DEFAULT_USER) -> None:
+    def __init__(self, address: NetworkAddress, *, spec: str = "*") -> None:
         """Find the manager.
 
         Args:
             address: where a manager or a router listens.
             spec: the name of the manager's spec; it may be omitted if there is only one manager.
-            user: the user of this program.
 
         Raises:
             ConnectionError: if no manager can be reached, or if there are several.
@@ -54,7 +53,7 @@ class ZenohLink:
             self._session.close()
             raise
         self._root = manager.removesuffix("/manager")
-        self._name = f"{user}/{secrets.token_hex(8)}"
+        self._name = f"{self._session.user or DEFAULT_USER}/{secrets.token_hex(8)}"
         self._lock = new_lock()
         self._numbering, self._ordering = Numbering(), Ordering()
         self._is_over = False

@@ -11,6 +11,7 @@ from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, line_of, message_of
 from codra_dsl.runtime.remote.ordering import Numbering, Ordering
+from codra_dsl.runtime.remote.permissions import Permissions
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData, error_to, notice
 from codra_dsl.runtime.remote.server import MAX_CONNECTIONS
 from codra_dsl.runtime.remote.session import Session, open_session
@@ -104,9 +105,17 @@ class ZenohServer:
             def send(message: PlainData) -> None:
                 self._send(link, opened_client, message)
 
-            opened_client = _Client(open_session(self._codra, send))
+            opened_client = _Client(open_session(self._codra, send, self._permissions(link)))
             self._clients[link] = opened_client
             return opened_client
+
+    def _permissions(self, link: str) -> Permissions | None:
+        """Return what the user of a link may request; None for everything, if the network has no users."""
+        if self.address.config is None:
+            return None
+        return Permissions(
+            user=link.split("/", maxsplit=1)[0], hosts=self._codra.hosts.names, agents=self._codra.model.agents
+        )
 
     def _send(self, link: str, client: _Client, message: PlainData) -> None:
         line = line_of(message)

@@ -63,6 +63,7 @@ class ZenohSession:
     """A session, and the two threads that handle what arrives and what is sent.
 
     Attributes:
+        user: the user in the file of settings; empty if there is none.
         has_overflown: whether a message was dropped, because too many waited.
     """
 
@@ -88,7 +89,9 @@ class ZenohSession:
         self._unsent: queue.Queue[tuple[str, bytes, str] | None] = queue.Queue(MAX_UNSENT_MESSAGES)
         self._entities: list[Any] = []
         try:
-            self._session = zenoh.open(_config(zenoh, address, is_router=is_router))
+            config = _config(zenoh, address, is_router=is_router)
+            self.user = str(json.loads(config.get_json("transport/auth/usrpwd/user")) or "")
+            self._session = zenoh.open(config)
         except zenoh.ZError as error:
             doing = "listen" if is_router else "connect"
             raise ConnectionError(f"cannot {doing} at {address}: {str(error)[:200]}") from None
