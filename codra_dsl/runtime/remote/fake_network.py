@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
-from codra_dsl.runtime.clock import SimClock, Timer
+from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.remote.links import Lose, Receive
 from codra_dsl.runtime.remote.ordering import GAP_TIMEOUT_S, Numbering, Ordering
@@ -40,7 +40,7 @@ class FakeNetwork:
         is_cut: whether all messages are lost.
     """
 
-    def __init__(self, clock: SimClock, *, seed: int = 0, faults: Faults | None = None) -> None:
+    def __init__(self, clock: Clock, *, seed: int = 0, faults: Faults | None = None) -> None:
         """Create a network without links.
 
         Args:
@@ -80,7 +80,7 @@ class FakeLink:
 
     token = None
 
-    def __init__(self, network: FakeNetwork, clock: SimClock, codra: ContextManager[Any, Any]) -> None:
+    def __init__(self, network: FakeNetwork, clock: Clock, codra: ContextManager[Any, Any]) -> None:
         """Open a session of the manager."""
         self._network = network
         self._clock = clock
@@ -119,7 +119,7 @@ class FakeLink:
 class _Direction:
     """The messages from one end of a link to the other, which arrive in order, or not at all after a loss."""
 
-    def __init__(self, network: FakeNetwork, clock: SimClock, receive: Receive, lose: Lose) -> None:
+    def __init__(self, network: FakeNetwork, clock: Clock, receive: Receive, lose: Lose) -> None:
         self._network = network
         self._clock = clock
         self._numbering, self._ordering = Numbering(), Ordering()

@@ -113,9 +113,8 @@ class ZenohServer:
         """Return what the user of a link may request; None for everything, if the network has no users."""
         if self.address.config is None:
             return None
-        return Permissions(
-            user=link.split("/", maxsplit=1)[0], hosts=self._codra.hosts.names, agents=self._codra.model.agents
-        )
+        user, _number = link.split("/")
+        return Permissions(user=user, hosts=self._codra.hosts.names, agents=self._codra.model.agents)
 
     def _send(self, link: str, client: _Client, message: PlainData) -> None:
         line = line_of(message)
