@@ -67,23 +67,13 @@ def host_command(
 ) -> None:
     """Run the perception functions of a host for a context manager, until SIGINT or SIGTERM."""
     from codra_dsl.runtime import WallClock
-    from codra_dsl.runtime.context.package_files import manifest_of
-    from codra_dsl.runtime.perception.site_handles import with_site_handles
-    from codra_dsl.runtime.remote.endpoints import connect as connect_link
-    from codra_dsl.runtime.remote.host import Host, algorithms_of, used_resources
+    from codra_dsl.runtime.remote.endpoints import connect as connect_to
+    from codra_dsl.runtime.remote.host import host_of_package
 
     address = address_of(connect)
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
     with _loaded(spec, site, color) as compiled, WallClock() as clock:
-        algorithms = algorithms_of(compiled.package, name)
-        host = Host(
-            name,
-            algorithms,
-            handles=with_site_handles(used_resources(compiled.package.MODEL, algorithms), {}, clock),
-            clock=clock,
-            connect=lambda: connect_link(address),
-            spec_digest=manifest_of(Path(compiled.package.__file__ or "").parent).get("model", ""),
-        )
+        host = host_of_package(compiled.package, name, handles={}, clock=clock, connect=lambda: connect_to(address))
         host.start()
         try:
             _wait_for_signal()

@@ -10,12 +10,13 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from codra_dsl.isolation.error_text import described
 from codra_dsl.runtime.clock import Clock, Timer, Work
-from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.context.package_files import manifest_of
 from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.perception import Failure, Function, imported
@@ -23,11 +24,12 @@ from codra_dsl.runtime.perception.executors import Executors
 from codra_dsl.runtime.perception.hosts import JobKey
 from codra_dsl.runtime.perception.job import Interval, RunningJob
 from codra_dsl.runtime.perception.outcome import Result
+from codra_dsl.runtime.perception.site_handles import with_site_handles
 from codra_dsl.runtime.remote.clock_offset import MAX_DRIFT, ClockOffset
 from codra_dsl.runtime.remote.links import Link
 from codra_dsl.runtime.remote.protocol import MAX_NAME_CHARACTERS, VERSION, PlainData, error_of
 from codra_dsl.runtime.values.cell import Reason
-from codra_dsl.runtime.values.model import Algorithm, ResourceModel
+from codra_dsl.runtime.values.model import Algorithm
 
 HOST_LEASE_S = 1.5
 """How long a host and its manager wait for a message of each other before they count as lost."""
@@ -270,22 +272,45 @@ class _HostJob(RunningJob):
         self._on_report(interval)
 
 
-def algorithms_of(package: ModuleType, host: str) -> Sequence[Algorithm]:
-    """Return the algorithms of a host in a generated package.
+def host_of_package(
+    package: ModuleType,
+    name: str,
+    *,
+    handles: Mapping[str, object],
+    clock: Clock,
+    connect: Connect,
+    max_drift: float = MAX_DRIFT,
+) -> Host:
+    """Return a host for a generated package; call its `start`.
+
+    Args:
+        package: the package, which the manager has as well.
+        name: the name of the host in the spec.
+        handles: the handle of each resource without slots; handles that the site states may be left out.
+        clock: the clock of this machine.
+        connect: connects to the manager.
+        max_drift: the largest drift between the clocks of both machines, in seconds per second.
 
     Raises:
         UnknownNameError: if no algorithm of the spec has this host.
+        CallError: if a function or handle is missing.
     """
+    algorithms = [algorithm for algorithm in _algorithms_of(package) if algorithm.host == name]
+    if not algorithms:
+        raise unknown_name_error("host", name, sorted({algorithm.host for algorithm in _algorithms_of(package)} - {""}))
+    names = {handle for algorithm in algorithms for handle in algorithm.handles}
+    resources = [resource for resource in package.MODEL.resources if resource.name in names]
+    return Host(
+        name,
+        algorithms,
+        handles=with_site_handles(resources, handles, clock),
+        clock=clock,
+        connect=connect,
+        spec_digest=manifest_of(Path(package.__file__ or "").parent).get("model", ""),
+        max_drift=max_drift,
+    )
+
+
+def _algorithms_of(package: ModuleType) -> Sequence[Algorithm]:
     modules = [module for module in vars(package).values() if isinstance(module, ModuleType)]
-    members = [member for module in modules for member in vars(module).values()]
-    algorithms = {member.name: member for member in members if isinstance(member, Algorithm) and member.host}
-    hosts = {algorithm.host for algorithm in algorithms.values()}
-    if host not in hosts:
-        raise unknown_name_error("host", host, sorted(hosts))
-    return [algorithm for algorithm in algorithms.values() if algorithm.host == host]
-
-
-def used_resources(model: ContextModel, algorithms: Iterable[Algorithm]) -> Sequence[ResourceModel]:
-    """Return the resources whose handles some algorithms read."""
-    names = {name for algorithm in algorithms for name in algorithm.handles}
-    return [resource for resource in model.resources if resource.name in names]
+    return [member for module in modules for member in vars(module).values() if isinstance(member, Algorithm)]
