@@ -34,6 +34,8 @@ _COMMANDS = {
     "replay": "codra_dsl.cli.replay:replay_command",
     "serve": "codra_dsl.cli.running.serve:serve_command",
     "host": "codra_dsl.cli.running.serve:host_command",
+    "get": "codra_dsl.cli.running.get:get_command",
+    "watch": "codra_dsl.cli.running.get:watch_command",
     "override": "codra_dsl.cli.running.override:override_command",
     "journal": "codra_dsl.cli.journal:journal_commands",
     "language-server": "codra_dsl.cli.editors.language_server:language_server_command",

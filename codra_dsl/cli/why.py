@@ -10,6 +10,7 @@ import typer
 
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
 from codra_dsl.cli.journals import ResultFormat, instant_of, json_of, open_journal, report_damage
+from codra_dsl.cli.running.requests import request
 from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ Variable = Annotated[
     ),
 ]
 JournalOption = Annotated[
-    Path,
+    Path | None,
     typer.Option(
         "--journal",
         metavar="FILE",
@@ -71,7 +72,13 @@ AtOption = Annotated[
 def why_command(
     variable: Variable,
     *,
-    journal: JournalOption,
+    journal: JournalOption = None,
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            "--connect", metavar="ADDRESS", help="Ask the manager of a running robot instead.", show_default=False
+        ),
+    ] = None,
     at: AtOption = None,
     format_: Annotated[
         ResultFormat, typer.Option("--format", help="The format of the explanation.")
@@ -81,6 +88,9 @@ def why_command(
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.why.values import instant_text
 
+    if journal is None or connect is not None:
+        _ask_manager(variable, journal, connect, at, format_)
+        return
     existing([journal])
     with open_journal(journal) as reader:
         header = reader.header()
@@ -97,6 +107,17 @@ def why_command(
             report_damage(reader, end_s)
     is_text = format_ is ResultFormat.TEXT
     write_result(harmless_text(f"{explanation}\n") if is_text else json_of(explanation))
+
+
+def _ask_manager(
+    variable: str, journal: Path | None, connect: str | None, at: str | None, format_: ResultFormat
+) -> None:
+    """Print the explanation of the manager of a running robot."""
+    if connect is None or journal is not None:
+        raise typer.BadParameter("give either --journal or --connect", param_hint="--journal")
+    if at is not None or format_ is not ResultFormat.TEXT:
+        raise typer.BadParameter("a running robot explains the present, as text", param_hint="--connect")
+    write_result(harmless_text(f"{request(connect, lambda codra: codra.why(variable))}\n"))
 
 
 def _explain(header: RunHeader, events: EventsInFile, variable: str, at_s: float, journal: Path) -> Why:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, harmless_text, say
-from codra_dsl.cli.running.addresses import address_of
+from codra_dsl.cli.running.requests import ConnectOption, request
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.remote import RemoteContext
@@ -28,10 +26,7 @@ def override_command(
         typer.Argument(metavar="[VALUE]", help="Its value: true, false, a number or a text.", show_default=False),
     ] = None,
     *,
-    connect: Annotated[
-        str,
-        typer.Option(metavar="ADDRESS", help="The Unix socket or the port of the robot's server.", show_default=False),
-    ],
+    connect: ConnectOption,
     for_: Annotated[
         str,
         typer.Option(
@@ -48,31 +43,17 @@ def override_command(
     if (value is not None) + unknown + clear != 1:
         raise typer.BadParameter("give either a value, or --unknown, or --clear", param_hint="VALUE")
     if clear:
-        _request(connect, lambda codra: codra.clear_override(variable))
+        request(connect, lambda codra: codra.clear_override(variable))
         return
     for_s = _duration_s(for_)
     if not reason.strip():
         raise typer.BadParameter("state why: the reason is recorded", param_hint="--reason")
-    _request(connect, lambda codra: _override(codra, variable, value, for_s, reason))
+    request(connect, lambda codra: _override(codra, variable, value, for_s, reason))
 
 
 def _override(codra: RemoteContext, variable: str, value: str | None, for_s: float, reason: str) -> None:
     content = None if value is None else _read_value(value, variable, codra.describe(variable))
     codra.override(variable, content, for_s=for_s, reason=reason)
-
-
-def _request(address: str, send: Callable[[RemoteContext], None]) -> None:
-    """Send a request to the context manager at an address, and report its errors."""
-    from codra_dsl.runtime.remote import RemoteContext, TokenError
-
-    try:
-        with RemoteContext(address_of(address)) as codra:
-            send(codra)
-    except (ConnectionError, TokenError, RuntimeError) as error:
-        say(f"codra: {error}")
-        raise typer.Exit(ExitCode.FAILED) from error
-    except (ValueError, LookupError) as error:
-        raise typer.BadParameter(harmless_text(str(error))) from error
 
 
 def _duration_s(text: str) -> float:

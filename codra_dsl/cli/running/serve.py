@@ -61,7 +61,7 @@ def host_command(
     name: Annotated[str, typer.Argument(metavar="HOST", help="The name of this host in the spec.", show_default=False)],
     spec: SpecFile,
     *,
-    connect: Annotated[str, typer.Option(metavar="ADDRESS", help="The address of the manager.", show_default=False)],
+    connect: ConnectOption,
     site: SiteOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:

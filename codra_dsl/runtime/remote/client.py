@@ -145,6 +145,14 @@ class RemoteContext:
         """Return the present reading of a variable."""
         return reading_of(self._ask("get", variable=name)["reading"])
 
+    def why(self, name: str) -> str:
+        """Return the explanation of a variable, or of another element that `ContextManager.why` explains."""
+        return str(self._ask("why", name=name)["text"])
+
+    def obstacle(self, name: str) -> str:
+        """Return why no algorithm of a variable can look now; empty if one can look."""
+        return str(self._ask("obstacle", variable=name)["obstacle"])
+
     def set(self, name: str, value: object, *, evidence_s: float | None = None, agent: str | None = None) -> None:
         """Write a variable as the main execution, or as an agent."""
         optional_fields = {"evidence_s": evidence_s, "agent": agent}

@@ -15,6 +15,8 @@ _QUESTIONS = frozenset(
         "leave",
         "describe",
         "get",
+        "why",
+        "obstacle",
         "subscribe",
         "unsubscribe",
         "declare",

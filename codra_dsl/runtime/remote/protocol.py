@@ -139,6 +139,8 @@ REQUESTS: Mapping[str, RequestShape] = {
     "finish": RequestShape(required={"number": FieldType.INTEGER}),
     "describe": RequestShape(required={"variable": FieldType.TEXT}),
     "get": RequestShape(required={"variable": FieldType.TEXT}),
+    "why": RequestShape(required={"name": FieldType.TEXT}),
+    "obstacle": RequestShape(required={"variable": FieldType.TEXT}),
     "set": RequestShape(
         required={"variable": FieldType.TEXT, "value": FieldType.VALUE},
         optional={"evidence_s": FieldType.NUMBER, "agent": FieldType.TEXT},

@@ -56,6 +56,9 @@ MAX_WAITING_DECISIONS = 1_000
 MAX_RUNNING_SKILLS = 100
 """The maximum number of skills of a session that run at the same time."""
 
+MAX_EXPLANATION_CHARACTERS = 100_000
+"""The maximum length of an explanation; the rest is cut off."""
+
 MAX_SUBSCRIPTIONS = 100
 """The maximum number of subscriptions of a session; one subscription may have many variables."""
 
@@ -237,6 +240,12 @@ class Session:
 
     def _get(self, variable: str) -> PlainData:
         return {"reading": plain_reading(self._codra.get(variable))}
+
+    def _why(self, name: str) -> PlainData:
+        return {"text": str(self._codra.why(name))[:MAX_EXPLANATION_CHARACTERS]}
+
+    def _obstacle(self, variable: str) -> PlainData:
+        return {"obstacle": self._codra.obstacle(variable)}
 
     def _set(
         self, variable: str, value: object, evidence_s: float | None = None, agent: str | None = None
