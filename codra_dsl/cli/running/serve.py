@@ -16,6 +16,7 @@ import typer
 from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say, writable_journal
 from codra_dsl.cli.options import ColourOption
 from codra_dsl.cli.running.addresses import address_of
+from codra_dsl.cli.running.requests import ConnectOption
 
 if TYPE_CHECKING:
     from codra_dsl.integrations.inspection.loading import CompiledSpec

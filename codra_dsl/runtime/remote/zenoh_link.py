@@ -67,7 +67,7 @@ class ZenohLink:
             try:
                 for message in self._ordering.add(int(attachment), message_of(payload)):
                     receive(message)
-            except (ValueError, KeyError, TypeError, AttributeError) as error:
+            except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
                 self._end(f"the manager is gone: {error}")
 
         self._session.subscribe(f"{self._root}/from/{self._name}", arrive)

@@ -94,7 +94,8 @@ class ZenohSession:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
             doing = "listen" if is_router else "connect"
-            raise ConnectionError(f"cannot {doing} at {address}: {str(error)[:200]}") from None
+            reason, _, _source_line = str(error).partition(" at /")
+            raise ConnectionError(f"cannot {doing} at {address}: {reason[:200]}") from None
         threading.Thread(target=self._handle_arrivals, name="codra-network", daemon=True).start()
         # Not a daemon: at the end of the program, the interpreter may not end a thread that is inside of Zenoh.
         self._sender = threading.Thread(target=self._send_all, name="codra-network-sender", daemon=False)
