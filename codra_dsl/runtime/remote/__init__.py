@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from codra_dsl.runtime.remote.client import RemoteContext
-from codra_dsl.runtime.remote.protocol import VERSION, LeaseError, MessageError, TokenError
+from codra_dsl.runtime.remote.endpoints import serve
+from codra_dsl.runtime.remote.protocol import VERSION, LeaseError, MessageError, NotPermittedError, TokenError
 from codra_dsl.runtime.remote.server import Server
 from codra_dsl.runtime.remote.session import Send, Session, open_session
+from codra_dsl.runtime.remote.zenoh_session import NetworkAddress
 
 __all__ = [
     "VERSION",
     "LeaseError",
     "MessageError",
+    "NetworkAddress",
+    "NotPermittedError",
     "RemoteContext",
     "Send",
     "Server",
     "Session",
     "TokenError",
     "open_session",
+    "serve",
 ]
