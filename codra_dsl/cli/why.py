@@ -10,6 +10,7 @@ import typer
 
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
 from codra_dsl.cli.journals import ResultFormat, instant_of, json_of, open_journal, report_damage
+from codra_dsl.cli.running.addresses import CredentialsOption
 from codra_dsl.cli.running.requests import request
 from codra_dsl.isolation.error_text import described
 
@@ -79,6 +80,7 @@ def why_command(
             "--connect", metavar="ADDRESS", help="Ask the manager of a running robot instead.", show_default=False
         ),
     ] = None,
+    credentials: CredentialsOption = None,
     at: AtOption = None,
     format_: Annotated[
         ResultFormat, typer.Option("--format", help="The format of the explanation.")
@@ -89,7 +91,12 @@ def why_command(
     from codra_dsl.runtime.why.values import instant_text
 
     if journal is None or connect is not None:
-        _ask_manager(variable, journal, connect, at, format_)
+        if connect is None or journal is not None:
+            raise typer.BadParameter("give either --journal or --connect", param_hint="--journal")
+        if at is not None or format_ is not ResultFormat.TEXT:
+            raise typer.BadParameter("a running robot explains the present, as text", param_hint="--connect")
+        explanation_text = request(connect, credentials, lambda codra: codra.why(variable))
+        write_result(harmless_text(f"{explanation_text}\n"))
         return
     existing([journal])
     with open_journal(journal) as reader:
@@ -107,17 +114,6 @@ def why_command(
             report_damage(reader, end_s)
     is_text = format_ is ResultFormat.TEXT
     write_result(harmless_text(f"{explanation}\n") if is_text else json_of(explanation))
-
-
-def _ask_manager(
-    variable: str, journal: Path | None, connect: str | None, at: str | None, format_: ResultFormat
-) -> None:
-    """Print the explanation of the manager of a running robot."""
-    if connect is None or journal is not None:
-        raise typer.BadParameter("give either --journal or --connect", param_hint="--journal")
-    if at is not None or format_ is not ResultFormat.TEXT:
-        raise typer.BadParameter("a running robot explains the present, as text", param_hint="--connect")
-    write_result(harmless_text(f"{request(connect, lambda codra: codra.why(variable))}\n"))
 
 
 def _explain(header: RunHeader, events: EventsInFile, variable: str, at_s: float, journal: Path) -> Why:

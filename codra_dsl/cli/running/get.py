@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from codra_dsl.cli.console import harmless_text, write_result
+from codra_dsl.cli.running.addresses import CredentialsOption
 from codra_dsl.cli.running.requests import ConnectOption, request
 
 if TYPE_CHECKING:
@@ -20,16 +21,16 @@ Variables = Annotated[
 ]
 
 
-def get_command(variables: Variables, *, connect: ConnectOption) -> None:
+def get_command(variables: Variables, *, connect: ConnectOption, credentials: CredentialsOption = None) -> None:
     """Print the present values of context-variables of a running robot, or why they are unknown."""
 
     def read(codra: RemoteContext) -> str:
         return "".join(_line(codra.get(name), codra.describe(name).unit) for name in variables)
 
-    write_result(request(connect, read))
+    write_result(request(connect, credentials, read))
 
 
-def watch_command(variables: Variables, *, connect: ConnectOption) -> None:
+def watch_command(variables: Variables, *, connect: ConnectOption, credentials: CredentialsOption = None) -> None:
     """Print context-variables of a running robot, now and whenever they change, until Ctrl-C."""
 
     def follow(codra: RemoteContext) -> None:
@@ -39,7 +40,7 @@ def watch_command(variables: Variables, *, connect: ConnectOption) -> None:
         while not lost_event.wait(1.0):
             codra.get(variables[0])  # raises ConnectionError once the manager is gone
 
-    request(connect, follow)
+    request(connect, credentials, follow)
 
 
 def _line(reading: Reading[Any], unit: str | None) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from codra_dsl.cli.running.addresses import CredentialsOption
 from codra_dsl.cli.running.requests import ConnectOption, request
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def override_command(
     ] = None,
     *,
     connect: ConnectOption,
+    credentials: CredentialsOption = None,
     for_: Annotated[
         str,
         typer.Option(
@@ -43,12 +45,12 @@ def override_command(
     if (value is not None) + unknown + clear != 1:
         raise typer.BadParameter("give either a value, or --unknown, or --clear", param_hint="VALUE")
     if clear:
-        request(connect, lambda codra: codra.clear_override(variable))
+        request(connect, credentials, lambda codra: codra.clear_override(variable))
         return
     for_s = _duration_s(for_)
     if not reason.strip():
         raise typer.BadParameter("state why: the reason is recorded", param_hint="--reason")
-    request(connect, lambda codra: _override(codra, variable, value, for_s, reason))
+    request(connect, credentials, lambda codra: _override(codra, variable, value, for_s, reason))
 
 
 def _override(codra: RemoteContext, variable: str, value: str | None, for_s: float, reason: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
@@ -26,12 +27,12 @@ ConnectOption = Annotated[
 Answer = TypeVar("Answer")
 
 
-def request(address: str, send: Callable[[RemoteContext], Answer]) -> Answer:
+def request(address: str, credentials: Path | None, send: Callable[[RemoteContext], Answer]) -> Answer:
     """Send requests to the context manager at an address, and report its errors."""
     from codra_dsl.runtime.remote import RemoteContext
 
     try:
-        with RemoteContext(address_of(address)) as codra:
+        with RemoteContext(address_of(address, credentials)) as codra:
             return send(codra)
     except (OSError, RuntimeError, ImportError) as error:
         say(f"codra: {error}")

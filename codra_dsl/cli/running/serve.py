@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import platform
 import signal
 import sys
 import tempfile
@@ -15,7 +16,7 @@ import typer
 
 from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say, writable_journal
 from codra_dsl.cli.options import ColourOption
-from codra_dsl.cli.running.addresses import address_of
+from codra_dsl.cli.running.addresses import CredentialsOption, address_of
 from codra_dsl.cli.running.requests import ConnectOption
 
 if TYPE_CHECKING:
@@ -37,6 +38,16 @@ def serve_command(
             metavar="ADDRESS", help="The path of a Unix socket, or a port of this machine.", show_default=False
         ),
     ],
+    credentials: CredentialsOption = None,
+    write_security: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-security",
+            metavar="DIR",
+            help="Write the credentials of all users of the spec into a new folder, and exit.",
+            show_default=False,
+        ),
+    ] = None,
     site: SiteOption = None,
     journal: Annotated[
         Path | None,
@@ -50,10 +61,13 @@ def serve_command(
     from codra_dsl.runtime.remote.endpoints import serve
 
     with _loaded(spec, site, color) as compiled, ExitStack() as stack:
+        if write_security is not None:
+            _write_security(compiled, write_security, listen)
+            return
         record = EventLog() if journal is None else Journal(writable_journal(journal))
         clock = stack.enter_context(WallClock())
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=seed, record=record))
-        stack.enter_context(serve(codra, address_of(listen)))
+        stack.enter_context(serve(codra, address_of(listen, credentials)))
         say(f"serving '{compiled.spec.name}' at {listen}")
         _wait_for_signal()
 
@@ -63,6 +77,7 @@ def host_command(
     spec: SpecFile,
     *,
     connect: ConnectOption,
+    credentials: CredentialsOption = None,
     site: SiteOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
@@ -71,7 +86,7 @@ def host_command(
     from codra_dsl.runtime.remote.endpoints import connect as connect_to
     from codra_dsl.runtime.remote.host import host_of_package
 
-    address = address_of(connect)
+    address = address_of(connect, credentials)
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
     with _loaded(spec, site, color) as compiled, WallClock() as clock:
         host = host_of_package(compiled.package, name, handles={}, clock=clock, connect=lambda: connect_to(address))
@@ -80,6 +95,21 @@ def host_command(
             _wait_for_signal()
         finally:
             host.close()
+
+
+def _write_security(compiled: CompiledSpec, folder: Path, listen: str) -> None:
+    """Write the credentials of a manager and of all users of its spec."""
+    from codra_dsl.runtime.remote.security import SecurityError, write_credentials
+
+    model, names = compiled.package.MODEL, [platform.node(), "localhost", "127.0.0.1"]
+    endpoint_host = listen.partition("/")[2].rpartition(":")[0].strip("[]")
+    names += [endpoint_host] if endpoint_host not in ("", "0.0.0.0", "::", *names) else []
+    hosts = {algorithm.host for algorithm in compiled.spec.perception if algorithm.host}
+    try:
+        paths = write_credentials(folder, model.name, hosts=hosts, agents=model.agents, names=names)
+    except SecurityError as error:
+        raise typer.BadParameter(str(error), param_hint="--write-security") from error
+    say("\n".join(path.as_posix() for path in paths))
 
 
 @contextmanager

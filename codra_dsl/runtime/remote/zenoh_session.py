@@ -183,13 +183,17 @@ class ZenohSession:
 
 def _config(zenoh_module: Any, address: NetworkAddress, *, is_router: bool) -> Any:
     config = zenoh_module.Config() if address.config is None else zenoh_module.Config.from_file(address.config)
+    passwords_file = json.loads(config.get_json("transport/auth/usrpwd/dictionary_file"))
+    if passwords_file and address.config is not None:
+        path = address.config.absolute().parent / passwords_file
+        config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(path)))
     settings: dict[str, object] = {
         "mode": "router" if is_router else "client",
         "scouting/multicast/enabled": False,
         "transport/link/tx/lease": TRANSPORT_LEASE_MS,
         "transport/link/tx/keep_alive": 4,
         ("listen" if is_router else "connect") + "/endpoints": [address.endpoint],
-        "listen/exit_on_failure" if is_router else "connect/timeout_ms": True if is_router else 2_000,
+        "listen/exit_on_failure" if is_router else "connect/timeout_ms": True if is_router else 4_000,
     }
     for key, setting in settings.items():
         config.insert_json5(key, json.dumps(setting))

@@ -43,11 +43,15 @@ def is_gone(codra: RemoteContext) -> bool:
     return False
 
 
-@pytest.fixture
-def address() -> NetworkAddress:
+def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return NetworkAddress(f"tcp/127.0.0.1:{probe.getsockname()[1]}")
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def address() -> NetworkAddress:
+    return NetworkAddress(f"tcp/127.0.0.1:{free_port()}")
 
 
 @contextmanager
