@@ -54,7 +54,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills namespaces signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -124,6 +124,10 @@ kills: $(READY)
 # Five hundred programs get Ctrl-C, SIGTERM, or a handler that calls `set` or raises, at random instants: is an event lost?
 signals: $(READY)
 	$(BIN)/python -m tests.campaigns.signals 460 1 40
+
+# A manager and its host in two network namespaces: what happens when the link is cut, or a program is stopped or killed?
+namespaces: $(READY)
+	$(BIN)/python -m tests.campaigns.namespaces
 
 # Why is a variable unknown, at two hundred random points? What is named as missing is supplied in a second run.
 whys: $(READY)

@@ -286,7 +286,10 @@ class Branch:
         return False
 
     def note_host(self) -> None:
-        """Report once that the host is lost: a failed look. When the host is connected again, look at once."""
+        """Report once that the host is lost: a failed look, after which alternatives need no pause.
+
+        When the host is connected again, the branch looks at once.
+        """
         obstacle = self._host_obstacle()
         if obstacle == self._reported_host_obstacle:
             return
@@ -295,6 +298,8 @@ class Branch:
             self.refresh()
             return
         self.observer.note_job_end()  # so an alternative can begin before the variables become unknown
+        for rival in self.rivals:
+            rival._is_fresh = True
         self._add_failed_looks(self.identifies, Reason.UNREACHABLE, obstacle, self.observer.now_s)
 
     def note_stuck(self) -> None:

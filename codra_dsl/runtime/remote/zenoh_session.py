@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _LOGGER = logging.getLogger(__name__)
 
-TRANSPORT_LEASE_MS = 1_500
+TRANSPORT_LEASE_MS = 1_200
 """How long Zenoh waits for a sign of life of another program, e.g. after a cable was pulled."""
 
 MAX_UNSENT_MESSAGES = 10_000

@@ -163,6 +163,21 @@ def test_an_alternative_takes_over_without_a_gap_when_the_host_is_lost() -> None
         assert here.manager.get("door_open").source == "look"
 
 
+def test_an_alternative_takes_over_without_its_pause_when_the_host_is_lost_again() -> None:
+    with robot(WITH_ALTERNATIVE) as here:
+        declare_all(here.manager)
+        for _ in range(4):
+            here.network.is_cut = False
+            here.clock.sleep(2.3)
+            here.network.is_cut = True
+            here.clock.sleep(1.6)
+        here.network.is_cut = False
+        here.clock.sleep(2.0)
+        whats = [event.what for event in here.manager.record.of(Kind.VARIABLE, "door_open")]
+        assert whats == ["identified"] * len(whats)
+        assert len(here.manager.record.of(Kind.HOST)) >= 9
+
+
 def test_a_lost_host_cancels_its_jobs() -> None:
     slow_world = world()
     ended_s: list[float] = []
