@@ -18,7 +18,7 @@ from codra_dsl.isolation.error_text import type_name
 from codra_dsl.runtime.callbacks import log_raised
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.endpoints import connect
-from codra_dsl.runtime.remote.json_lines import RESPONSE_TIMEOUT_S, Address
+from codra_dsl.runtime.remote.json_lines import Address
 from codra_dsl.runtime.remote.links import INHERITED_TEXT
 from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, plain_value, preview_of, reading_of, type_of
 from codra_dsl.runtime.remote.session import LEASE_S
@@ -98,7 +98,8 @@ class RemoteContext:
         except BaseException:
             self._end("the manager refused the connection")
             raise
-        threading.Thread(target=self._keep_alive, args=(lease_s / 3,), name="codra-client", daemon=True).start()
+        period_s = min(lease_s, self._link.response_timeout_s) / 4
+        threading.Thread(target=self._keep_alive, args=(period_s,), name="codra-client", daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
@@ -239,7 +240,7 @@ class RemoteContext:
         variables = [names] if isinstance(names, str) else list(names)
         with self._lock:
             request_number = self._send("subscribe", {"variables": variables}, future)
-        number = self._await_answer(request_number, future, RESPONSE_TIMEOUT_S)["subscription"]
+        number = self._await_answer(request_number, future, self._link.response_timeout_s)["subscription"]
         return lambda: self._unsubscribe(number)
 
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> tuple[Answer | None, PlainData]:
@@ -259,7 +260,7 @@ class RemoteContext:
         future = Future[PlainData]()
         with self._lock:
             number = self._send(ask, fields, future)
-        return self._await_answer(number, future, wait_s + RESPONSE_TIMEOUT_S)
+        return self._await_answer(number, future, wait_s + self._link.response_timeout_s)
 
     def _send(self, ask: str, fields: PlainData, future: Future[PlainData]) -> int:
         if os.getpid() != self._program_id:
@@ -309,8 +310,10 @@ class RemoteContext:
 
     def _keep_alive(self, period_s: float) -> None:
         while not self._end_event.wait(min(period_s, threading.TIMEOUT_MAX)):
-            with contextlib.suppress(ConnectionError):
+            try:
                 self._ask("keep")
+            except ConnectionError as error:
+                self._end(str(error))
 
     def _register_callback(self, future: Future[PlainData], callback: Callback) -> None:
         if future.exception() is None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.remote.json_lines import RESPONSE_TIMEOUT_S
 from codra_dsl.runtime.remote.links import Lose, Receive
 from codra_dsl.runtime.remote.ordering import GAP_TIMEOUT_S, Numbering, Ordering
 from codra_dsl.runtime.remote.protocol import PlainData
@@ -79,6 +80,7 @@ class FakeLink:
     """A link over a fake network, with the session at its other end."""
 
     token = None
+    response_timeout_s = RESPONSE_TIMEOUT_S
 
     def __init__(self, network: FakeNetwork, clock: Clock, codra: ContextManager[Any, Any]) -> None:
         """Open a session of the manager."""

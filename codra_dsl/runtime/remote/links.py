@@ -35,7 +35,13 @@ INHERITED_TEXT = (
 
 
 class Link(Protocol):
-    """The program's end of a connection to a manager."""
+    """The program's end of a connection to a manager.
+
+    Attributes:
+        response_timeout_s: how long the manager may take to answer before it counts as gone.
+    """
+
+    response_timeout_s: float
 
     @property
     def token(self) -> str | None:
@@ -65,6 +71,8 @@ class SocketLink:
     Attributes:
         token: the token of the manager, if it listens at a port.
     """
+
+    response_timeout_s = RESPONSE_TIMEOUT_S
 
     def __init__(self, address: Address, token: str | None = None) -> None:
         """Connect.

@@ -33,6 +33,7 @@ class ZenohLink:
     """A link to the only manager at an address, or to the manager of a named spec."""
 
     token = None
+    response_timeout_s = 1.2
 
     def __init__(self, address: NetworkAddress, *, spec: str = "*") -> None:
         """Find the manager.
