@@ -87,9 +87,14 @@ FILES = {
             for line in sys.stdin:
                 if line == "decide\\n":
                     answers = [codra.decide(name, lambda: "none", wait_up_to_s=10.0) for name in names]
-                else:
+                    print(json.dumps(answers), flush=True)
+                    continue
+                try:
                     readings = [codra.get(name) for name in names]
-                    answers = [[reading.content, str(reading.reason), reading.detail] for reading in readings]
+                except ConnectionError as error:
+                    print(json.dumps(str(error)), flush=True)
+                    break
+                answers = [[reading.content, str(reading.reason), reading.detail] for reading in readings]
                 print(json.dumps(answers), flush=True)
         """,
 }
@@ -156,7 +161,9 @@ class Robot:
         line = self.client.stdout.readline()
         if not line:
             raise ConnectionError("the client has ended")
-        answers: list[object] = json.loads(line)
+        answers: list[object] | str = json.loads(line)
+        if isinstance(answers, str):
+            raise ConnectionError(answers)
         return answers
 
     def close(self) -> None:
