@@ -147,7 +147,7 @@ def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: P
         (["door_open", "--journal", "run.mcap", "--at", "-5"], "the journal holds 0 s to 7.5 s, not -5 s"),
         (["door_open", "--journal", "run.mcap", "--at", "nan"], "'nan' is not an instant"),
         (["door_open", "--journal", "missing.mcap"], "'missing.mcap' does not exist"),
-        (["door_open"], "Missing option '--journal'"),
+        (["door_open"], "give either --journal or --connect"),
     ],
 )
 def test_a_question_without_an_answer_is_a_usage_error(project: Path, arguments: list[str], message: str) -> None:
@@ -174,7 +174,8 @@ def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
     refused = codra("journal", "show", "run.mcap", "--kind", "descision", cwd=project)
     assert refused.returncode == 2
     kinds = (
-        "variable, override, observer, job, decision, preview, declaration, expectation, knowledge, adaptation, input"
+        "variable, override, observer, job, host, decision, preview, declaration, expectation, knowledge, adaptation, "
+        "input"
     )
     assert f"'descision' is not a kind; choose from {kinds}" in " ".join(refused.stderr.split())
 

@@ -34,4 +34,4 @@ def test_a_reason_equals_its_word() -> None:
 
 
 def test_only_failures_of_the_algorithm_count_as_failures() -> None:
-    assert [reason for reason in Reason if reason.is_failure] == [Reason.FAILED, Reason.TIMED_OUT]
+    assert [reason for reason in Reason if reason.is_failure] == [Reason.FAILED, Reason.TIMED_OUT, Reason.UNREACHABLE]

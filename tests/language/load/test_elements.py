@@ -26,7 +26,18 @@ from codra_dsl.language.model import (
 from .texts import ALGORITHM, algorithm_of, findings_of, loaded, marked, rules_of, spec_of, variable_of
 
 ROOT = Path(__file__).parents[3]
-OPTIONAL = {"with", "uses", "given", "observable_when", "accept_when", "timeout", "min_interval", "isolate", "rank"}
+OPTIONAL = {
+    "with",
+    "uses",
+    "given",
+    "observable_when",
+    "accept_when",
+    "timeout",
+    "min_interval",
+    "isolate",
+    "host",
+    "rank",
+}
 TWICE = "templates: {two: {context: {far: {type: bool}}}}\n"
 
 
@@ -105,7 +116,7 @@ def test_an_algorithm_has_the_values_of_its_keys() -> None:
         "    with: {near: 20 cm, turn: 90 deg, name: pot, quoted: '5 s', count: 3, ratio: 0.5, fast: true, model: 3D}\n"
         "    uses: {camera: read, vision: slot, arm: command}\n"
         "    given: [pot, lid]\n"
-        "    timeout: 2 min\n    min_interval: 0 s\n    isolate: process\n    rank: 2\n"
+        "    timeout: 2 min\n    min_interval: 0 s\n    isolate: process\n    host: arm_pc\n    rank: 2\n"
     )
 
     assert algorithm.parameters == (
@@ -126,6 +137,7 @@ def test_an_algorithm_has_the_values_of_its_keys() -> None:
     assert [reference.name for reference in algorithm.given] == ["pot", "lid"]
     assert (algorithm.timeout_s, algorithm.min_interval_s, algorithm.rank) == (120.0, 0.0, 2)
     assert algorithm.isolate is Isolation.PROCESS
+    assert algorithm.host == "arm_pc"
     assert [(returned.name, returned.type.kind, returned.optional) for returned in algorithm.returns] == [
         ("x", Kind.FLOAT, False),
         ("state", Kind.STR, False),

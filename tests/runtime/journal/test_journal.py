@@ -47,7 +47,7 @@ def test_an_event_log_holds_all_events_in_order() -> None:
     lines = [json.loads(line) for line in manager.record.text().splitlines()]
     assert len(lines) == len(manager.record)
     assert [line["instant_s"] for line in lines] == sorted(line["instant_s"] for line in lines)
-    unused_kinds = {Kind.INPUT, Kind.PREVIEW, Kind.OVERRIDE, Kind.KNOWLEDGE, Kind.ADAPTATION}
+    unused_kinds = {Kind.INPUT, Kind.HOST, Kind.PREVIEW, Kind.OVERRIDE, Kind.KNOWLEDGE, Kind.ADAPTATION}
     assert {line["kind"] for line in lines} == set(Kind) - unused_kinds
     assert [(line["kind"], line["name"], line["what"]) for line in lines[:8]] == [
         ("variable", "localized", "identified"),

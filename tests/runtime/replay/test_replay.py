@@ -36,7 +36,7 @@ from tests.runtime.forests import Look, World, algorithm, forest, given, observe
 from tests.runtime.journal.journals import read, run_door
 
 YES = {"seen": True}
-_UNUSED_KINDS = {Kind.PREVIEW, Kind.OVERRIDE, Kind.KNOWLEDGE, Kind.ADAPTATION}
+_UNUSED_KINDS = {Kind.HOST, Kind.PREVIEW, Kind.OVERRIDE, Kind.KNOWLEDGE, Kind.ADAPTATION}
 Manager = ContextManager[str, str]
 
 
