@@ -95,7 +95,7 @@ EDGE_LOOKS: Mapping[EdgeKind, EdgeLook] = {
         colour="#0072b2", style="solid", head="normal", sentence="A must be known before B looks"
     ),
     EdgeKind.IDENTIFIES: EdgeLook(colour="#009e73", style="bold", head="normal", sentence="A identifies B"),
-    EdgeKind.RUNS: EdgeLook(colour="#666666", style="dotted", head="open", sentence="A runs B"),
+    EdgeKind.RUNS: EdgeLook(colour="#555555", style="dotted", head="open", sentence="A runs B"),
     EdgeKind.DECIDES_ON: EdgeLook(colour="#d55e00", style="dashed", head="vee", sentence="B decides on A"),
     EdgeKind.FEEDBACK: EdgeLook(
         colour="#cc79a7", style="dashed", head="empty", sentence="B reads A, but does not wait for it"
@@ -104,13 +104,13 @@ EDGE_LOOKS: Mapping[EdgeKind, EdgeLook] = {
     EdgeKind.READS: EdgeLook(colour="#cc79a7", style="dashed", head="vee", sentence="A is read by B"),
     EdgeKind.REQUESTS: EdgeLook(colour="#000000", style="solid", head="normal", sentence="A may request task B"),
     EdgeKind.EXECUTES: EdgeLook(colour="#000000", style="bold", head="normal", sentence="A is done by B"),
-    EdgeKind.LEADS_FROM: EdgeLook(colour="#666666", style="solid", head="none", sentence="edges B lead from nodes A"),
-    EdgeKind.LEADS_TO: EdgeLook(colour="#666666", style="solid", head="open", sentence="edges A lead to nodes B"),
+    EdgeKind.LEADS_FROM: EdgeLook(colour="#555555", style="solid", head="none", sentence="edges B lead from nodes A"),
+    EdgeKind.LEADS_TO: EdgeLook(colour="#555555", style="solid", head="open", sentence="edges A lead to nodes B"),
     EdgeKind.WEIGHS: EdgeLook(colour="#009e73", style="solid", head="normal", sentence="A is weighed by B"),
     EdgeKind.SWITCHES: EdgeLook(colour="#d55e00", style="bold", head="normal", sentence="A chooses the branch of B"),
     EdgeKind.SETS: EdgeLook(colour="#d55e00", style="solid", head="normal", sentence="A sets B"),
-    EdgeKind.ANALYSES: EdgeLook(colour="#666666", style="dotted", head="open", sentence="A computes B"),
-    EdgeKind.ADAPTS: EdgeLook(colour="#666666", style="dashed", head="open", sentence="A carries out B"),
+    EdgeKind.ANALYSES: EdgeLook(colour="#555555", style="dotted", head="open", sentence="A computes B"),
+    EdgeKind.ADAPTS: EdgeLook(colour="#555555", style="dashed", head="open", sentence="A carries out B"),
     EdgeKind.DERIVES: EdgeLook(colour="#0072b2", style="bold", head="open", sentence="B is derived from A"),
 }
 

@@ -105,7 +105,7 @@ def _chart(graph: Graph) -> str:
     if is_folded(graph):  # invisible links put the legend below the boxes, where no arrow crosses it
         needed = {link.flow[0] for link in graph.links}
         lines += (f"n{number} ~~~ legend" for element_id, number in number_by_id.items() if element_id not in needed)
-    lines += (_style(kind) for kind in dict.fromkeys(map(shown_kind, graph.elements)))
+    lines += map(_style, dict.fromkeys([*node_kinds_of(graph), *map(shown_kind, graph.elements)]))
     kinds = [link.kind for link in graph.links] + list(edge_kinds_of(graph))
     lines += (_link_style(kind, kinds) for kind in edge_kinds_of(graph))
     return "\n  ".join(lines) + "\n"
