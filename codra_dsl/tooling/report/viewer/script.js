@@ -496,6 +496,7 @@ find("steps").value = nodes.length > LARGE ? "3" : "99999";
 find("steps").addEventListener("change", () => show());
 find("views").addEventListener("submit", (event) => event.preventDefault());
 window.addEventListener("resize", () => { if (fitted) fit(); });
+matchMedia("print").addEventListener("change", (event) => fit(event.matches ? 0 : undefined)); // a sheet of paper shows all
 
 legend();
 show();
