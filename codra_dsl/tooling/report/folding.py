@@ -13,10 +13,12 @@ from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Element, Graph, Link
 from codra_dsl.tooling.report.looks import label_of, latency_text
 
-MAX_SHOWN = 30
+MAX_SHOWN = 24
 """The largest number of elements that a picture shows without folding."""
 
 _MAX_LINES = 8
+"""The largest number of names in a folded element."""
+
 _KIND_WORDS: Mapping[str, str] = {
     NodeKind.CONTEXT: "variable",
     NodeKind.PERCEPTION: "algorithm",
@@ -59,8 +61,8 @@ def fold(graph: Graph, unfolded_ids: Collection[str] = ()) -> Graph:
     """
     if len(graph.elements) <= MAX_SHOWN:
         return graph
-    *divisions, coarsest = _divisions(graph.elements)
-    fitting = (division for division in divisions if len(set(division[0].values())) <= MAX_SHOWN)
+    fitting = (division for division in _divisions(graph.elements) if len(set(division[0].values())) <= MAX_SHOWN)
+    coarsest = {element.id: _Key(element.spec, element.spec, "") for element in graph.elements}, _PATTERNS[0]
     keys, pattern = next(fitting, coarsest)
     unfolded_keys = {keys[element_id] for element_id in unfolded_ids}
     members_by_key: dict[_Key | str, list[Element]] = {}
@@ -85,10 +87,10 @@ def _divisions(elements: Sequence[Element]) -> Iterator[tuple[Mapping[str, _Key]
             {element.id: _owner_key(element, observers.get(element.observer), pattern) for element in elements},
             pattern,
         )
-    full = _PATTERNS[0]
-    yield {element.id: _Key(element.spec, element.use or element.group, "") for element in elements}, full
-    yield {element.id: _Key(element.spec, "", element.kind) for element in elements}, full
-    yield {element.id: _Key(element.spec, element.spec, "") for element in elements}, full
+    by_file = {element.id: _Key(element.spec, element.use or element.group, "") for element in elements}
+    if len(set(by_file.values())) > len({element.spec for element in elements}):
+        yield by_file, _PATTERNS[0]
+    yield {element.id: _Key(element.spec, "", element.kind) for element in elements}, _PATTERNS[0]
 
 
 def _owner_key(element: Element, observer: Element | None, pattern: _Pattern) -> _Key:
@@ -111,8 +113,6 @@ def _box(key: _Key, members: tuple[Element, ...], pattern: _Pattern) -> Element:
         lines = _names(members, pattern)
     else:
         label, lines = key.owner, [_count_text(kind, count) for kind, count in counts.items()]
-    if len(lines) > _MAX_LINES:
-        lines = [*lines[: _MAX_LINES - 1], f"and {len(lines) - _MAX_LINES + 1} more"]
     box_id = "/".join((key.spec, "folded", key.owner, key.kind, key.template))
     observer = box_id if any(member.observer for member in members) else ""
     return replace(
@@ -129,14 +129,17 @@ def _box(key: _Key, members: tuple[Element, ...], pattern: _Pattern) -> Element:
 
 
 def _names(elements: Sequence[Element], pattern: _Pattern) -> list[str]:
-    """Return the names of elements, each once, with the longest of their worst cases."""
+    """Return the names of elements, each once, with the longest of their worst cases; of many names only the first."""
     latencies: dict[str, Element] = {}
     for element in elements:
         name = label_of(element) if pattern is _PATTERNS[0] else visible_text(pattern(element, element.name))
         latencies[name] = max(latencies.get(name, element), element, key=lambda other: other.worst_case_s or 0)
-    return [
+    lines = [
         "\N{NO-BREAK SPACE}".join(filter(None, (name, latency_text(element)))) for name, element in latencies.items()
     ]
+    if len(lines) > _MAX_LINES:
+        lines = [*lines[: _MAX_LINES - 1], f"and {len(lines) - _MAX_LINES + 1} more"]
+    return lines
 
 
 def _count_text(kind: NodeKind, count: int) -> str:
