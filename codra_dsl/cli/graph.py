@@ -57,6 +57,16 @@ ExcludeOption = Annotated[
     list[str] | None,
     typer.Option("--exclude", metavar="SELECTOR", help="Do not show these nodes.", show_default=False),
 ]
+AllOption = Annotated[bool, typer.Option("--all", help="Draw every node of a large graph.")]
+UnfoldOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--unfold",
+        metavar="SELECTOR",
+        help="Draw these nodes of a large graph one by one, with those that are folded with them.",
+        show_default=False,
+    ),
+]
 
 
 def graph_command(
@@ -66,11 +76,14 @@ def graph_command(
     format_: GraphFormatOption = None,
     select: SelectOption = None,
     exclude: ExcludeOption = None,
+    unfold: UnfoldOption = None,
+    all_: AllOption = False,
     output: OutputOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Show the dependency graph of specs. Findings go to standard error."""
+    """Show the dependency graph of specs. Pictures of large graphs are folded. Findings go to standard error."""
     from codra_dsl.compiler import plan_paths
+    from codra_dsl.tooling.report.folding import fold
     from codra_dsl.tooling.report.graphs import graph_of
 
     paths, sites = existing(paths), existing(site or ())
@@ -84,7 +97,12 @@ def graph_command(
     if is_failure(planning_result.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
     graph = _select_part(graph_of(planning_result.plans), select or (), exclude or ())
-    write_result(_render(graph, graph_format), output)
+    unfolded_ids = _select_ids(graph, "--unfold", unfold or ())
+    picture = fold(graph, unfolded_ids) if graph_format.is_picture and not all_ else graph
+    if picture is not graph:
+        boxes = f"{len(graph.elements)} nodes are drawn as {len(picture.elements)}"
+        say(f"{boxes}: --all draws every node, --unfold NAME those of one box, --select +NAME what NAME needs")
+    write_result(_render(graph, picture, graph_format), output)
 
 
 def _choose_format(output: Path | None) -> GraphFormat:
@@ -106,27 +124,32 @@ def _select_part(graph: Graph, include_selectors: Sequence[str], exclude_selecto
 
     A selector is a usage error if it cannot be parsed, or has a name, pattern, kind or method that does not exist.
     """
-    from codra_dsl.tooling.selection import SelectorError, select
+    from codra_dsl.tooling.selection import select
 
     if not include_selectors and not exclude_selectors:
         return graph
-    choices = graph.choices()
-    for option, selectors in (("--select", include_selectors), ("--exclude", exclude_selectors)):
-        for selector in selectors:
-            try:
-                select(choices, [selector])
-            except SelectorError as error:
-                raise typer.BadParameter(str(error), param_hint=option) from error
-    selected_graph = graph.select_part(select(choices, include_selectors, exclude_selectors))
+    _select_ids(graph, "--select", include_selectors)
+    _select_ids(graph, "--exclude", exclude_selectors)
+    selected_graph = graph.select_part(select(graph.choices(), include_selectors, exclude_selectors))
     say(f"{len(selected_graph.elements)} of {len(graph.elements)} nodes")
     return selected_graph
 
 
-def _render(graph: Graph, graph_format: GraphFormat) -> str:
+def _select_ids(graph: Graph, option: str, selectors: Sequence[str]) -> frozenset[str]:
+    """Return the ids of the elements that at least one selector of an option matches."""
+    from codra_dsl.tooling.selection import SelectorError, select
+
+    try:
+        return frozenset().union(*(select(graph.choices(), [selector]) for selector in selectors))
+    except SelectorError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from error
+
+
+def _render(graph: Graph, picture: Graph, graph_format: GraphFormat) -> str:
     from codra_dsl.tooling.report.dot import DrawingError
 
     try:
-        return graph_format.render(graph, say)
+        return graph_format.render(graph, picture, say)
     except DrawingError as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error

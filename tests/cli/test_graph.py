@@ -135,19 +135,45 @@ def test_a_variable_that_no_decision_needs_is_distinguished_from_an_unknown_name
     assert "no node matches 'unused' in the graph: it is declared, but no decision needs it" in process.stderr
 
 
-def test_a_graph_too_large_for_mermaid_is_condensed_with_a_message(project: Path) -> None:
-    names = [f"door_{number}" for number in range(300)]
-    context = "".join(f"  {name}: {{type: bool, valid_for: 5 s}}\n" for name in names)
-    looks = "".join(
-        f"  see_{name}:\n    call: a.b:c\n    returns: {{seen: {{type: bool}}}}\n    observable_when: [door_open]\n"
-        f"    identifies: {{{name}: seen}}\n"
-        for name in names
+@pytest.mark.parametrize("format_", ["dot", "html", "mermaid", "svg"])
+def test_a_picture_of_a_large_graph_is_folded_and_a_message_says_how_to_unfold_it(format_: str) -> None:
+    process = codra("graph", "specs/lab.yaml", "--format", format_, cwd=ROOT)
+
+    assert "5 skills" in process.stdout
+    assert process.stderr.startswith(
+        "43 nodes are drawn as 11: --all draws every node, --unfold NAME those of one box, "
+        "--select +NAME what NAME needs\n"
     )
-    spec = DOOR.replace("perception:\n", f"{context}perception:\n{looks}").split("skills:")[0]
-    (project / "specs/door.yaml").write_text(spec)
 
-    process = codra("graph", "specs", "--format", "mermaid", cwd=project)
 
-    assert process.returncode == 0
-    assert "was condensed: --select shows a part in full" in process.stderr
-    assert "see_door_7<br/>3 nodes" in process.stdout
+def test_json_always_has_every_node() -> None:
+    graph_object, message = graph()
+
+    assert (len(graph_object["nodes"]), message) == (43, "")
+
+
+@pytest.mark.parametrize("format_", ["dot", "html", "mermaid", "svg"])
+def test_all_draws_every_node(format_: str) -> None:
+    process = codra("graph", "specs/lab.yaml", "--format", format_, "--all", cwd=ROOT)
+
+    assert "5 skills" not in process.stdout
+    assert "localize_pcr_cycler_lid" in process.stdout
+    assert "nodes are drawn" not in process.stderr
+
+
+def test_a_box_is_unfolded_by_the_name_of_one_of_its_nodes() -> None:
+    process = codra("graph", "specs/lab.yaml", "--unfold", "see_centrifuge_rotor", cwd=ROOT)
+
+    assert '"lab/perception/localize_centrifuge_lid"' in process.stdout
+    assert '"lab/context/centrifuge_open"' in process.stdout
+    assert '"lab/context/pcr_cycler_open"' not in process.stdout
+    assert process.stderr.startswith("43 nodes are drawn as 15: ")
+
+
+def test_a_wrong_name_of_a_box_is_a_usage_error() -> None:
+    process = codra("graph", "specs/lab.yaml", "--unfold", "centrifuge_lif", cwd=ROOT)
+
+    assert (process.returncode, process.stdout) == (2, "")
+    assert (
+        "Invalid value for --unfold: no node matches 'centrifuge_lif' (did you mean 'centrifuge_lid'?" in process.stderr
+    )

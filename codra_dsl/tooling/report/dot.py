@@ -20,11 +20,14 @@ from codra_dsl.tooling.report.looks import (
     WORST_CASE_TEXT,
     EdgeLook,
     NodeLook,
+    ShownKind,
     edge_kinds_of,
-    label_of,
-    latency_text,
+    is_folded,
+    look_of,
     node_kinds_of,
     shown_kind,
+    shows_latencies,
+    text_lines,
 )
 
 # The picture is laid out with a wide font, so that labels fit in any of the fonts that a browser may have.
@@ -53,9 +56,18 @@ _DEBIAN_HINT = "on Debian apt-get install --no-install-recommends libglib2.0-0 l
 
 
 def render_dot(graph: Graph) -> str:
-    """Return the graph in Graphviz's language, with the same nodes and edges as in JSON, and with their `kind`."""
-    nodes = (_node_line(element, _label_text(label_of(element))) for element in graph.elements)
-    return _digraph([*nodes, *(_edge_line(link, link.source, link.target) for link in graph.links)])
+    """Return the picture in Graphviz's language: arrows follow the flow of knowledge, and each observer has a frame.
+
+    Nodes and edges have their `kind`. Arrows of some kinds lead against the edges in JSON: see `Link.flow`.
+    """
+    lines: list[str] = []
+    number_by_id = {element.id: number for number, element in enumerate(graph.elements)}
+    for spec in graph.specs:
+        elements = [element for element in graph.elements if element.spec == spec]
+        spec_lines = list(_element_lines(elements, number_by_id))
+        lines += _frame_lines(spec, spec_lines) if len(graph.specs) > 1 else spec_lines
+    lines += (_edge_line(link, f"e{number}") for number, link in enumerate(graph.links))
+    return _digraph(lines, "TB" if is_folded(graph) else "LR")
 
 
 def render_svg(graph: Graph) -> str:
@@ -64,7 +76,7 @@ def render_svg(graph: Graph) -> str:
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    return _add_legend(_parse_picture(_draw(_dot_for_drawing(graph))), graph)
+    return _add_legend(_parse_picture(_draw(render_dot(graph))), graph)
 
 
 def render_drawing(graph: Graph) -> str:
@@ -75,22 +87,10 @@ def render_drawing(graph: Graph) -> str:
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    picture = _parse_picture(_draw(_dot_for_drawing(graph)))
+    picture = _parse_picture(_draw(render_dot(graph)))
     size_attributes = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
     picture_content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
     return f'<svg {size_attributes} xmlns="http://www.w3.org/2000/svg">{picture_content}</svg>'
-
-
-def _dot_for_drawing(graph: Graph) -> str:
-    """Return the graph as drawn: arrows follow the flow of knowledge, and each observer has a frame."""
-    lines: list[str] = []
-    number_by_id = {element.id: number for number, element in enumerate(graph.elements)}
-    for spec in graph.specs:
-        elements = [element for element in graph.elements if element.spec == spec]
-        spec_lines = list(_element_lines(elements, number_by_id))
-        lines += _frame_lines(spec, spec_lines) if len(graph.specs) > 1 else spec_lines
-    edges = (_edge_line(link, *link.flow, id=f"e{number}") for number, link in enumerate(graph.links))
-    return _digraph([*lines, *edges])
 
 
 def _frame_lines(name: str, lines: Iterable[str]) -> list[str]:
@@ -98,8 +98,8 @@ def _frame_lines(name: str, lines: Iterable[str]) -> list[str]:
     return [f"subgraph {_quote(f'cluster {name}')} {{", f"graph {_attributes(frame)};", *lines, "}"]
 
 
-def _digraph(lines: Iterable[str]) -> str:
-    graph_attributes = {"rankdir": "LR", "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
+def _digraph(lines: Iterable[str], direction: str) -> str:
+    graph_attributes = {"rankdir": direction, "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
     node_attributes = {"fontname": _FONT, "fontsize": _LABEL_PT, "margin": "0.1,0.05", "height": 0.36, "penwidth": 0.8}
     edge_attributes = {"arrowsize": 0.7}
     defaults = (("graph", graph_attributes), ("node", node_attributes), ("edge", edge_attributes))
@@ -108,18 +108,21 @@ def _digraph(lines: Iterable[str]) -> str:
     return f"digraph codra {{\n{body}}}\n"
 
 
-def _node_line(element: Element, label: str, **extra_attributes: object) -> str:
-    look = NODE_LOOKS[shown_kind(element)]
-    attributes = {"label": label, "shape": look.shape, "style": look.style, "fillcolor": look.fill}
-    width = {"width": f"{_width_in(label, look):.2f}"}
-    return (
-        f"{_quote(element.id)} {_attributes({'kind': element.kind.value, **attributes, **width, **extra_attributes})};"
-    )
-
-
-def _numbered_node_line(element: Element, number: int) -> str:
-    lines = [_label_text(label_of(element)), latency_text(element)]
-    return _node_line(element, "\n".join(filter(None, lines)), id=f"n{number}", **{"class": shown_kind(element).value})
+def _node_line(element: Element, number: int) -> str:
+    look, kind, lines = look_of(element), shown_kind(element), text_lines(element)
+    label = _label_text("\n".join(lines))
+    attributes = {
+        "kind": "group" if element.members else element.kind.value,
+        "label": _html_label(*lines) if element.members else label,
+        "shape": look.shape,
+        "style": look.style,
+        "fillcolor": look.fill,
+        "width": f"{_width_in(label, look):.2f}",
+        **({"peripheries": 2} if element.members else {}),
+        "id": f"n{number}",
+        "class": kind.value,
+    }
+    return f"{_quote(element.id)} {_attributes(attributes)};"
 
 
 def _label_text(label: str) -> str:
@@ -142,19 +145,19 @@ def _column_count(text: str) -> int:
     return sum(2 if unicodedata.east_asian_width(letter) in ("W", "F") else 1 for letter in text)
 
 
-def _edge_line(link: Link, source: str, target: str, **extra_attributes: str) -> str:
+def _edge_line(link: Link, edge_id: str) -> str:
     look = EDGE_LOOKS[link.kind]
     attributes = {
         "kind": link.kind.value,
         "color": look.colour,
         "style": look.style,
         "arrowhead": look.head,
-        **extra_attributes,
+        "id": edge_id,
+        "class": link.kind.value,
     }
-    if extra_attributes:
-        attributes["class"] = link.kind.value
     if link.kind is EdgeKind.FEEDBACK:
         attributes["constraint"] = "false"  # the edge closes a cycle, which has no order from left to right
+    source, target = link.flow
     return f"{_quote(source)} -> {_quote(target)} {_attributes(attributes)};"
 
 
@@ -164,7 +167,7 @@ def _element_lines(elements: Iterable[Element], number_by_id: Mapping[str, int])
     for element in elements:
         frames.setdefault(element.observer, []).append(element)
     for observer, frame_elements in frames.items():
-        lines = [_numbered_node_line(element, number_by_id[element.id]) for element in frame_elements]
+        lines = [_node_line(element, number_by_id[element.id]) for element in frame_elements]
         if not observer or len(frame_elements) == 1:
             yield from lines
             continue
@@ -186,7 +189,22 @@ def _same_rank_line(elements: Iterable[Element]) -> str:
 
 
 def _attributes(values: Mapping[str, object]) -> str:
-    return f"[{', '.join(f'{name}={_quote(str(value))}' for name, value in values.items())}]"
+    texts = ((name, value if isinstance(value, _Html) else _quote(str(value))) for name, value in values.items())
+    return f"[{', '.join(f'{name}={text}' for name, text in texts)}]"
+
+
+class _Html(str):
+    """A label in the form of HTML that Graphviz reads. It has no quotes around it."""
+
+    __slots__ = ()
+
+
+def _html_label(*lines: str) -> _Html:
+    title, *names = (
+        escape(line.replace("\\", "\\\\")) for line in lines
+    )  # Graphviz replaces `\N` by the name of the node
+    listing = "".join(f'<br align="left"/>{name}' for name in names)
+    return _Html(f'<<b>{title}</b>{listing}<br align="left"/>>')
 
 
 def _quote(text: str) -> str:
@@ -257,7 +275,7 @@ def _legend_entries(graph: Graph) -> Iterator[tuple[int, int, str]]:
     if len(observers) > len(set(observers)):
         node_samples.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _legend_text(FRAME_TEXT))
     arrow_samples = [_arrow_sample(EDGE_LOOKS[kind]) for kind in edge_kinds_of(graph)]
-    if any(latency_text(element) for element in graph.elements):
+    if shows_latencies(graph):
         arrow_samples.append(
             f'<text x="{_SAMPLE_WIDTH_PT / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_legend_text(WORST_CASE_TEXT)}'
         )
@@ -280,6 +298,8 @@ def _node_sample(look: NodeLook, meaning: str) -> str:
         shape_svg = f'<polygon points="0,-8 56,-8 64,0 56,8 0,8" fill="{look.fill}" stroke="black"/>'
     else:
         shape_svg = _box(look.fill, "black", rounding, dashes)
+        if look is NODE_LOOKS[ShownKind.GROUP]:
+            shape_svg += f'<rect x="3" y="-5" width="{_SAMPLE_WIDTH_PT - 6}" height="10" fill="none" stroke="black"/>'
     return shape_svg + _legend_text(meaning)
 
 

@@ -16,6 +16,7 @@ from codra_dsl.generation.emit.graph_nodes import node_id
 from codra_dsl.generation.emit.records import graph_nodes, list_json, object_json, places
 from codra_dsl.language.check.latency import worst_cases
 from codra_dsl.language.frozen import dataclass
+from codra_dsl.language.model.knowledge import CONTEXT_NODE
 from codra_dsl.tooling.selection import Choice, Choices
 
 
@@ -29,10 +30,14 @@ class Element:
         group: the name of the generated module that has the element. The module is named after the use of a template or
             the file that declares the element.
         use: the use of a template that created the element; empty if no template created it.
+        template: the name of this template; or empty.
+        owner: the node of the knowledge graph that has the variable (`of`), or the phase of an agent; or empty.
         observer: the id of the observer that identifies or runs the element; for an observer, its own id; or empty.
         json_entry: the element's entry in `graph.json`.
         description: the description of a variable.
         worst_case_s: the longest time from declared to known, for a variable that observers identify.
+        members: the elements that this element represents, if it is folded; see `folding`.
+        lines: what a picture writes below the label of a folded element.
     """
 
     id: str
@@ -42,12 +47,16 @@ class Element:
     spec: str
     group: str
     use: str
+    template: str = ""
+    owner: str = ""
     observer: str
     json_entry: Mapping[str, object]
     file: str
     line: int
     description: str = ""
     worst_case_s: float | None = None
+    members: tuple[Element, ...] = ()
+    lines: tuple[str, ...] = ()
 
     @property
     def is_given(self) -> bool:
@@ -169,7 +178,9 @@ def _elements(plan: BuildPlan) -> Iterator[Element]:
             label=str(json_entry["label"]),
             spec=plan.name,
             group=groups[node],
-            use=uses.get(groups[node], ""),
+            use=uses.get(groups[node], ("", ""))[0],
+            template=uses.get(groups[node], ("", ""))[1],
+            owner=_owner(plan, node, json_entry),
             observer=observers.get(node, ""),
             json_entry=json_entry,
             file=span.file,
@@ -179,8 +190,15 @@ def _elements(plan: BuildPlan) -> Iterator[Element]:
         )
 
 
-def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
-    """Return a mapping from nodes to modules, and a mapping from the modules of template uses to these uses."""
+def _owner(plan: BuildPlan, node: Node, json_entry: Mapping[str, object]) -> str:
+    if node.kind is not NodeKind.CONTEXT:
+        return str(json_entry.get("phase", ""))
+    owner = plan.checked.variables[node.name].node
+    return "" if owner == CONTEXT_NODE else owner
+
+
+def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, tuple[str, str]]]:
+    """Return a mapping from nodes to modules, and from the modules of template uses to these uses and templates."""
     trees = {tree.name: tree for tree in plan.forest}
     groups: dict[Node, str] = {}
     for module in plan.modules:
@@ -194,7 +212,9 @@ def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
     for node, _ in graph_nodes(plan):
         if node not in groups:  # a node of knowledge or of loops: these have other modules
             groups[node] = module_name(_origin(plan, node), taken_names)
-    return groups, {module.name: module.use.instance for module in plan.modules if module.use is not None}
+    return groups, {
+        module.name: (module.use.instance, module.use.template) for module in plan.modules if module.use is not None
+    }
 
 
 _SECTIONS = {

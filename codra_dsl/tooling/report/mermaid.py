@@ -1,8 +1,4 @@
-"""The dependency graph as a Mermaid flowchart, for pages that draw Mermaid.
-
-Renderers of Mermaid refuse long texts and many edges. A larger graph is condensed to one box for each use of a template
-and for each file. So the entire graph is shown, and `--select` shows parts of it in full.
-"""
+"""The dependency graph as a Mermaid flowchart, for pages that draw Mermaid."""
 
 from __future__ import annotations
 
@@ -17,18 +13,24 @@ from codra_dsl.tooling.report.looks import (
     WORST_CASE_TEXT,
     ShownKind,
     edge_kinds_of,
-    label_of,
-    latency_text,
+    is_folded,
     node_kinds_of,
     shown_kind,
+    shows_latencies,
+    text_lines,
 )
-from codra_dsl.tooling.report.overview import Overview, overview
 
 MAX_EDGES = 499
 """The largest number of edges that Mermaid draws by default (`maxEdges`)."""
 
 MAX_LETTERS = 50_000
 """The largest number of letters that Mermaid draws by default (`maxTextSize`)."""
+
+_SETTINGS = (
+    '%%{init: {"flowchart": {"wrappingWidth": 500, "nodeSpacing": 20, "rankSpacing": 30, '
+    '"padding": 8, "subGraphTitleMargin": {"bottom": 10}}}}%%'
+)
+"""Without them, Mermaid breaks names that are longer than 200 pixels, and folded graphs become twice as large."""
 
 _SHAPES: Mapping[ShownKind, tuple[str, str]] = {
     ShownKind.CONTEXT: ("(", ")"),
@@ -45,6 +47,7 @@ _SHAPES: Mapping[ShownKind, tuple[str, str]] = {
     ShownKind.ADAPTATION: ("{", "}"),
     ShownKind.TREE: ("[(", ")]"),
     ShownKind.LOOP: ("(((", ")))"),
+    ShownKind.GROUP: ("[", "]"),
 }
 _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.REQUIRES: "-->",
@@ -72,12 +75,10 @@ class Flowchart:
     """A graph as a Mermaid flowchart.
 
     Attributes:
-        is_complete: whether the flowchart shows every element of the graph.
         edge_count: the number of edges in the flowchart.
     """
 
     text: str
-    is_complete: bool
     edge_count: int
 
     @property
@@ -87,21 +88,13 @@ class Flowchart:
 
 
 def flowchart(graph: Graph) -> Flowchart:
-    """Return the graph as a flowchart: complete if Mermaid draws the complete graph, otherwise condensed."""
-    complete_chart = Flowchart(
-        text=_chart(graph), is_complete=True, edge_count=len(graph.links) + len(edge_kinds_of(graph))
-    )
-    if complete_chart.is_within_limits:
-        return complete_chart
-    condensed_graph = overview(graph)
-    return Flowchart(
-        text=_overview_chart(condensed_graph), is_complete=False, edge_count=len(condensed_graph.link_counts)
-    )
+    """Return the graph as a flowchart."""
+    return Flowchart(text=_chart(graph), edge_count=len(graph.links) + len(edge_kinds_of(graph)))
 
 
 def _chart(graph: Graph) -> str:
     number_by_id = {element.id: number for number, element in enumerate(graph.elements)}
-    lines = ["flowchart LR"]
+    lines = [f"{_SETTINGS}\nflowchart TB" if is_folded(graph) else "flowchart LR"]
     for spec in graph.specs:
         spec_lines = [*_element_lines([element for element in graph.elements if element.spec == spec], number_by_id)]
         lines += _subgraph(f"spec_{spec}", spec, spec_lines) if len(graph.specs) > 1 else spec_lines
@@ -109,7 +102,10 @@ def _chart(graph: Graph) -> str:
         need, user = link.flow
         lines.append(f"n{number_by_id[need]} {_ARROWS[link.kind]} n{number_by_id[user]}")
     lines += _legend(graph)
-    lines += (_style(kind) for kind in node_kinds_of(graph))
+    if is_folded(graph):  # invisible links put the legend below the boxes, where no arrow crosses it
+        needed = {link.flow[0] for link in graph.links}
+        lines += (f"n{number} ~~~ legend" for element_id, number in number_by_id.items() if element_id not in needed)
+    lines += map(_style, dict.fromkeys([*node_kinds_of(graph), *map(shown_kind, graph.elements)]))
     kinds = [link.kind for link in graph.links] + list(edge_kinds_of(graph))
     lines += (_link_style(kind, kinds) for kind in edge_kinds_of(graph))
     return "\n  ".join(lines) + "\n"
@@ -131,13 +127,18 @@ def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
 
 def _node(element: Element, number: int) -> str:
     opening_bracket, closing_bracket = _SHAPES[shown_kind(element)]
-    label = "<br/>".join(filter(None, [_escape_label(label_of(element)), latency_text(element)]))
+    if element.members:
+        opening_bracket, closing_bracket = "[", "]"
+    title, *lines = map(_escape_label, text_lines(element))
+    label = "<br/>".join([f"<b>{title}</b>" if element.members else title, *lines])
     return f'n{number}{opening_bracket}"{label}"{closing_bracket}:::{shown_kind(element)}'
 
 
 def _escape_label(label: str) -> str:
-    """Return text that Mermaid shows unchanged: codes replace all characters but letters, digits, `_` and blanks."""
-    return "".join(letter if letter.isalnum() or letter in "_ " else f"#{ord(letter)};" for letter in label)
+    """Return text that Mermaid shows unchanged: codes replace all but letters, digits, blanks, `_` and `≤`."""
+    return "".join(
+        letter if letter.isalnum() or letter in "_ ≤\N{NO-BREAK SPACE}" else f"#{ord(letter)};" for letter in label
+    )
 
 
 def _legend(graph: Graph) -> list[str]:
@@ -147,7 +148,7 @@ def _legend(graph: Graph) -> list[str]:
         sentence = _escape_label(EDGE_LOOKS[kind].sentence)
         lines.append(f'a{number}(("A")) {_ARROWS[kind]}|"{sentence}"| b{number}(("B"))')
     lines += (f'k_{kind}["{_escape_label(NODE_LOOKS[kind].meaning)}"]:::{kind}' for kind in node_kinds_of(graph))
-    if any(latency_text(element) for element in graph.elements):
+    if shows_latencies(graph):
         lines.append(f'worst_case["≤ 1 s{_escape_label(": " + WORST_CASE_TEXT)}"]:::plain')
     return _subgraph("legend", "how to read it", lines)
 
@@ -159,23 +160,5 @@ def _style(kind: ShownKind) -> str:
 
 def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
     numbers_text = ",".join(str(number) for number, link_kind in enumerate(kinds) if link_kind is kind)
-    return f"linkStyle {numbers_text} stroke:{EDGE_LOOKS[kind].colour}"
-
-
-def _overview_chart(overview_graph: Overview) -> str:
-    """Return a flowchart of boxes."""
-    lines = [
-        "flowchart LR",
-        "%% Too large for Mermaid: each box has all nodes of a use of a template, of a file or of an observer.",
-        "%% Each arrow leads from a box to a box that needs it. `codra graph --select` shows a part in full.",
-    ]
-    for spec in overview_graph.specs:
-        box_lines = [
-            f'b{number}["{_escape_label(box.label)}<br/>'
-            f'{box.element_count} node{"" if box.element_count == 1 else "s"}"]'
-            for number, box in enumerate(overview_graph.boxes)
-            if box.spec == spec
-        ]
-        lines += _subgraph(f"spec_{spec}", spec, box_lines) if len(overview_graph.specs) > 1 else box_lines
-    lines += (f"b{need} --> b{user}" for need, user in overview_graph.link_counts)
-    return "\n  ".join(lines) + "\n"
+    width = ",stroke-width:2px" if _ARROWS[kind].startswith("-.") else ""  # Mermaid's dots are hard to see
+    return f"linkStyle {numbers_text} stroke:{EDGE_LOOKS[kind].colour}{width}"

@@ -22,15 +22,23 @@ from codra_dsl.tooling.report.looks import (
     NODE_LOOKS,
     WORST_CASE_TEXT,
     edge_kinds_of,
+    is_folded,
     label_of,
     latency_text,
     node_kinds_of,
     shown_kind,
+    text_lines,
 )
 
 
-def render_html(graph: Graph) -> str:
-    """Return the graph as a page to explore: search, pan and zoom, and the needs and dependents of each node."""
+def render_html(graph: Graph, picture: Graph | None = None) -> str:
+    """Return the graph as a page to explore: search, pan and zoom, and the needs and dependents of each node.
+
+    Args:
+        graph: all nodes of the page.
+        picture: the folded graph, with which the page opens. Without it, the page opens with the complete graph.
+    """
+    overview = picture if picture is not None and is_folded(picture) else None
     folder = files("codra_dsl.tooling.report") / "viewer"
     style, *scripts = ((folder / name).read_text("utf-8") for name in ("style.css", "graph.js", "script.js"))
     script = "".join(scripts)
@@ -42,7 +50,8 @@ def render_html(graph: Graph) -> str:
         style=style,
         script=script,
         drawing=_drawing(graph),
-        data=_page_data(graph),
+        overview="" if overview is None else _drawing(overview),
+        data={**_page_data(graph), "boxes": [] if overview is None else _boxes(graph, overview)},
     )
 
 
@@ -84,6 +93,19 @@ def _page_data(graph: Graph) -> Mapping[str, object]:
         "arrows": {kind.value: EDGE_LOOKS[kind].sentence for kind in edge_kinds_of(graph)},
         "latency": WORST_CASE_TEXT if any(element.worst_case_s is not None for element in graph.elements) else "",
     }
+
+
+def _boxes(graph: Graph, overview: Graph) -> list[Mapping[str, object]]:
+    number_by_id = {element.id: number for number, element in enumerate(graph.elements)}
+    return [
+        {
+            "key": element.id,
+            "label": label_of(element),
+            "lines": text_lines(element),
+            "members": [number_by_id[member.id] for member in element.members or (element,)],
+        }
+        for element in overview.elements
+    ]
 
 
 _FACT_LABELS = {

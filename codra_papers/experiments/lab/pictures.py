@@ -131,6 +131,7 @@ def _draw_decisions(axes: Axes, top: float, decisions: Sequence[AskedDecision]) 
             instants_s,
             [top - 0.1] * len(instants_s),
             "v",
+            clip_on=False,
             markersize=6,
             markeredgecolor=TRUE_COLOUR,
             markerfacecolor=fill,

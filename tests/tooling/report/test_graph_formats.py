@@ -49,7 +49,7 @@ def test_a_new_module_is_a_new_choice_of_the_command(tmp_path: Path) -> None:
         (folder / file.name).write_text(file.read_text("utf-8"))
     (folder / "listing.py").write_text(
         "from codra_dsl.tooling.report.graph_formats import GraphFormat\n"
-        "FORMAT = GraphFormat(name='listing', endings=('.lst',), render=lambda graph, say: '')\n"
+        "FORMAT = GraphFormat(name='listing', endings=('.lst',), render=lambda graph, picture, say: '')\n"
     )
 
     process = subprocess.run(

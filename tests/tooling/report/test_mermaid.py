@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass, field
 from html import unescape
@@ -14,15 +15,16 @@ from hypothesis import strategies as st
 from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import EdgeKind
+from codra_dsl.tooling.report.folding import fold
 from codra_dsl.tooling.report.graphs import Graph, graph_of
 from codra_dsl.tooling.report.looks import EDGE_LOOKS, label_of
-from codra_dsl.tooling.report.mermaid import MAX_EDGES, MAX_LETTERS, flowchart
+from codra_dsl.tooling.report.mermaid import flowchart
 from codra_dsl.tooling.selection import select
 from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, skill, variable
 
 ROOT = Path(__file__).parents[3]
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
-LABEL = r'"(?P<label>(?:[^"#<>&`\\]|#[0-9]+;|<br/>)*)"'
+LABEL = r'"(?P<label>(?:[^"#<>&`\\]|#[0-9]+;|</?b>|<br/>)*)"'
 LINES = {
     "comment": re.compile(r"%% .*"),
     "subgraph": re.compile(rf"subgraph (?P<name>{NAME})\[{LABEL}\]"),
@@ -34,11 +36,14 @@ LINES = {
         rf"(?P<name>{NAME})(?P<shape>\(\(\(|\(\(|\(\[|\{{\{{|\[\[|\[\(|\[/|\{{|\(|\[){LABEL}"
         rf"(?P<closing>\)\)\)|\)\)|\]\)|\}}\}}|\]\]|\)\]|\\\]|\}}|\)|\])(?::::(?P<style>{NAME}))?"
     ),
+    "placing": re.compile(rf"(?P<source>{NAME}) (?P<arrow>~~~) legend"),
     "edge": re.compile(rf"(?P<source>{NAME}) (?P<arrow>-->|==>|-\.->|-\.-o|---) (?P<target>{NAME})"),
     "classDef": re.compile(
         rf"classDef (?P<name>{NAME}) fill:#[0-9a-f]{{6}},stroke:#[0-9a-f]{{6}},color:#000000(,stroke-dasharray:4 2)?"
     ),
-    "linkStyle": re.compile(r"linkStyle (?P<numbers>[0-9]+(,[0-9]+)*) stroke:(?P<colour>#[0-9a-f]{6})"),
+    "linkStyle": re.compile(
+        r"linkStyle (?P<numbers>[0-9]+(,[0-9]+)*) stroke:(?P<colour>#[0-9a-f]{6})(,stroke-width:2px)?"
+    ),
 }
 SHAPES = {
     *(("(", ")"), ("[", "]"), ("{{", "}}"), ("([", "])"), ("[/", "\\]"), ("((", "))"), ("[[", "]]")),
@@ -61,7 +66,10 @@ class Chart:
 def read(text: str) -> Chart:
     """Read a flowchart strictly: every line has a known form, and every name is declared once, before its use."""
     first, *lines = text.removesuffix("\n").split("\n")
-    assert first == "flowchart LR"
+    if first.startswith("%%{init: "):
+        assert json.loads(first[len("%%{init: ") : -len("}%%")]).keys() == {"flowchart"}
+        first = lines.pop(0)
+    assert first in ("flowchart LR", "flowchart TB")
     chart, frames, used = Chart(), [], set()
     for line in map(str.strip, lines):
         ((form, line_match),) = [
@@ -82,6 +90,8 @@ def read(text: str) -> Chart:
             used.add(fields.get("style", "plain"))
         elif form == "legend":
             chart.edges.append((label, fields["arrow"], ""))
+        elif form == "placing":
+            chart.edges.append((fields["source"], fields["arrow"], "legend"))
         elif form == "edge":
             assert {fields["source"], fields["target"]} <= chart.nodes.keys()
             chart.edges.append((fields["source"], fields["arrow"], fields["target"]))
@@ -98,7 +108,7 @@ def read(text: str) -> Chart:
 
 
 def shown(label: str) -> str:
-    return unescape(re.sub(r"#([0-9]+);", r"&#\1;", label.replace("<br/>", "\n")))
+    return unescape(re.sub(r"#([0-9]+);", r"&#\1;", re.sub("</?b>", "", label).replace("<br/>", "\n")))
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +122,6 @@ def test_the_flowchart_has_every_node_and_every_edge_of_the_graph(lab: Graph) ->
     labels = {name: label.split("\n")[0] for name, label in chart.nodes.items()}
     edges = {(labels[source], labels[target]) for source, _, target in chart.edges if target}
     label_by_id = {element.id: label_of(element) for element in lab.elements}
-    assert flowchart(lab).is_complete
     assert {label_of(element) for element in lab.elements} <= set(labels.values())
     assert edges == {tuple(label_by_id[end] for end in link.flow) for link in lab.links}
     assert sum(bool(target) for _, _, target in chart.edges) == len(lab.links)
@@ -190,48 +199,28 @@ def halls(count: int) -> Graph:
     )
 
 
-def test_a_graph_beyond_mermaids_limits_is_condensed() -> None:
+def test_a_large_graph_is_folded_with_its_legend_below(lab: Graph) -> None:
+    chart = read(flowchart(fold(lab)).text)
+
+    boxes = {label.split("\n")[0]: name for name, label in chart.nodes.items()}
+    assert chart.nodes[boxes["centrifuge_lid"]] == (
+        "centrifuge_lid\ncentrifuge_open\N{NO-BREAK SPACE}\u2264 12 s\ncentrifuge_locked\N{NO-BREAK SPACE}\u2264 18 s"
+    )
+    assert chart.inside[boxes["centrifuge_lid"]] == chart.inside[boxes["centrifuge: 5 skills"]] == "centrifuge"
+    last_boxes = {source for source, arrow, _ in chart.edges if arrow == "~~~"}
+    assert last_boxes == {boxes[title] for title in ("3 skills", "centrifuge: 5 skills", "pcr_cycler: 5 skills")}
+
+
+def test_a_graph_beyond_mermaids_limits_is_within_them_when_folded() -> None:
     graph = halls(60)
 
-    chart = flowchart(graph)
-    boxes = read(chart.text)
-
-    assert len(graph.links) > MAX_EDGES
-    assert not chart.is_complete
-    assert chart.is_within_limits
-    assert sorted(boxes.nodes.values()) == sorted(
-        ["lab\n2 nodes", *(f"room_{number}\n9 nodes" for number in range(60))]
-    )
-    assert {
-        (boxes.nodes[source].split("\n")[0], boxes.nodes[target].split("\n")[0]) for source, _, target in boxes.edges
-    } == {ends for number in range(60) for ends in (("lab", f"room_{number}"), (f"room_{number}", "lab"))}
+    assert not flowchart(graph).is_within_limits
+    assert flowchart(fold(graph)).is_within_limits
 
 
 def test_a_part_of_it_is_drawn_in_full() -> None:
     graph = halls(60)
 
-    chart = flowchart(graph.select_part(select(graph.choices(), ["+v_7_2"])))
+    chart = flowchart(fold(graph.select_part(select(graph.choices(), ["+v_7_2"]))))
 
-    assert chart.is_complete
     assert "v_7_1" in chart.text
-
-
-def test_one_file_is_condensed_by_observers() -> None:
-    looks = [ShortAlgorithm(name=f"see_{number}", identifies=[f"v{number}"], needs=["start"]) for number in range(400)]
-    graph = graph_of([plan(checked_spec(looks))])
-
-    chart = flowchart(graph)
-
-    assert "see_399<br/>3 nodes" in chart.text
-    assert chart.edge_count == 400
-    assert len(chart.text) < MAX_LETTERS
-
-
-def test_a_condensed_graph_that_is_still_too_large_is_reported() -> None:
-    looks = [
-        ShortAlgorithm(name=f"see_{number}", identifies=[f"v{number}"], needs=["one", "two"]) for number in range(300)
-    ]
-
-    chart = flowchart(graph_of([plan(checked_spec(looks))]))
-
-    assert (chart.is_complete, chart.is_within_limits, chart.edge_count) == (False, False, 600)

@@ -20,6 +20,7 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import EdgeKind
 from codra_dsl.tooling.report.dot import MAX_QUICK_NODES
+from codra_dsl.tooling.report.folding import fold
 from codra_dsl.tooling.report.graphs import Graph, graph_of
 from codra_dsl.tooling.report.looks import EDGE_LOOKS, NODE_LOOKS, ShownKind
 from codra_dsl.tooling.report.page import render_html
@@ -119,6 +120,20 @@ def test_the_page_has_a_drawing_of_every_node_and_edge(lab: Graph) -> None:
 
     assert {f"n{number}" for number in range(len(lab.elements))} <= names
     assert {f"e{number}" for number in range(len(lab.links))} <= names
+
+
+def test_a_folded_graph_is_an_overview_whose_boxes_have_every_node_once(lab: Graph) -> None:
+    picture = fold(lab)
+
+    data = read(render_html(lab, picture)).data
+
+    assert [box["label"] for box in data["boxes"]] == [element.label for element in picture.elements]
+    assert sorted(number for box in data["boxes"] for number in box["members"]) == list(range(len(lab.elements)))
+    assert len(data["nodes"]) == len(lab.elements)
+
+
+def test_a_page_of_a_complete_picture_has_no_overview(lab: Graph) -> None:
+    assert read(render_html(lab, lab)).data["boxes"] == read(render_html(lab)).data["boxes"] == []
 
 
 def test_a_graph_that_is_slow_to_draw_is_laid_out_by_the_page() -> None:

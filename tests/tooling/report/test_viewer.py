@@ -134,10 +134,12 @@ def test_two_boxes_with_edges_in_both_directions_have_one_link_with_two_heads(
     viewer: Viewer, edges: list[Edge], groups: list[str]
 ) -> None:
     groups[0], groups[1] = "a", "b"
-    nodes = [{"spec": "lab", "group": group, "kind": "context"} for group in groups]
+    boxes = [
+        {"label": label, "members": [number for number, group in enumerate(groups) if group == label]}
+        for label in sorted(set(groups))
+    ]
     ways = {(groups[need], groups[user]) for need, user, _ in edges if groups[need] != groups[user]}
 
-    boxes = viewer.value("[...boxesOf(nodes, ['lab'], {}).values()]", nodes=nodes)
     links = viewer.value("linksBetween(boxes, edges)", boxes=boxes, edges=edges)
 
     named = {(boxes[one]["label"], boxes[other]["label"]): kind for one, other, kind in links}
@@ -146,25 +148,6 @@ def test_two_boxes_with_edges_in_both_directions_have_one_link_with_two_heads(
     assert {frozenset(ends) for ends, kind in named.items() if kind == "several both"} == {
         frozenset(ends) for ends in ways if ends[::-1] in ways
     }
-    assert sorted(number for box in boxes for number in box["members"]) == list(range(12))
-
-
-def test_boxes_of_several_specs_are_named_with_their_spec(viewer: Viewer) -> None:
-    nodes = [{"spec": spec, "group": "machine"} for spec in ("lab", "store")]
-
-    boxes = viewer.value("[...boxesOf(nodes, ['lab', 'store'], {}).values()]", nodes=nodes)
-
-    assert [box["label"] for box in boxes] == ["lab/machine", "store/machine"]
-
-
-def test_nodes_of_only_one_module_have_one_box_for_each_kind(viewer: Viewer) -> None:
-    nodes = [{"spec": "store", "group": "store", "kind": kind} for kind in ("agent", "task", "agent")]
-
-    boxes = viewer.value(
-        "[...boxesOf(nodes, ['store'], kinds).values()]", nodes=nodes, kinds={"agent": "an agent", "task": "a task"}
-    )
-
-    assert [(box["label"], box["members"]) for box in boxes] == [("an agent", [0, 2]), ("a task", [1])]
 
 
 # Search

@@ -28,13 +28,16 @@ class GraphFormat:
     Attributes:
         name: the choice of `--format`.
         endings: endings of file names that choose this format, in lower case.
-        render: returns the text of a graph. It may show messages, and raises
-            `codra_dsl.tooling.report.dot.DrawingError` if the graph cannot be drawn on this machine.
+        render: returns the text of a graph, given the complete graph and the picture of it, in which elements may be
+            folded. It may show messages, and raises `codra_dsl.tooling.report.dot.DrawingError` if the picture cannot
+            be drawn on this machine.
+        is_picture: whether people look at the format, so that large graphs are folded.
     """
 
     name: str
     endings: tuple[str, ...]
-    render: Callable[[Graph, ShowMessage], str]
+    render: Callable[[Graph, Graph, ShowMessage], str]
+    is_picture: bool = True
 
 
 def _find_formats() -> Mapping[str, GraphFormat]:

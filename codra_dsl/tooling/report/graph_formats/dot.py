@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, _say: ShowMessage) -> str:
+def _render(_graph: Graph, picture: Graph, _say: ShowMessage) -> str:
     from codra_dsl.tooling.report.dot import render_dot
 
-    return render_dot(graph)
+    return render_dot(picture)
 
 
 FORMAT = GraphFormat(name="dot", endings=(".dot", ".gv", ".txt"), render=_render)

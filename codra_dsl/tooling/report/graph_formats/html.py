@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, _say: ShowMessage) -> str:
+def _render(graph: Graph, picture: Graph, _say: ShowMessage) -> str:
     from codra_dsl.tooling.report.page import render_html
 
-    return render_html(graph)
+    return render_html(graph, picture)
 
 
 FORMAT = GraphFormat(name="html", endings=(".html", ".htm"), render=_render)

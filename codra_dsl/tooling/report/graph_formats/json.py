@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, _say: ShowMessage) -> str:
+def _render(graph: Graph, _picture: Graph, _say: ShowMessage) -> str:
     from codra_dsl.tooling.report.graphs import render_json
 
     return render_json(graph)
 
 
-FORMAT = GraphFormat(name="json", endings=(".json",), render=_render)
+FORMAT = GraphFormat(name="json", endings=(".json",), render=_render, is_picture=False)

@@ -10,13 +10,11 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, say: ShowMessage) -> str:
-    """Return the flowchart. Show a message if the flowchart is condensed or exceeds the default limits of Mermaid."""
+def _render(_graph: Graph, picture: Graph, say: ShowMessage) -> str:
+    """Return the flowchart. Show a message if it exceeds the default limits of Mermaid."""
     from codra_dsl.tooling.report.mermaid import MAX_EDGES, flowchart
 
-    chart = flowchart(graph)
-    if not chart.is_complete:
-        say("the graph is too large for Mermaid and was condensed: --select shows a part in full")
+    chart = flowchart(picture)
     if not chart.is_within_limits:
         message = f"the flowchart has {chart.edge_count} edges: Mermaid draws at most {MAX_EDGES}"
         say(f"{message} unless its page sets maxEdges")

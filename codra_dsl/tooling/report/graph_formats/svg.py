@@ -10,13 +10,13 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, say: ShowMessage) -> str:
+def _render(_graph: Graph, picture: Graph, say: ShowMessage) -> str:
     """Return the picture. If drawing may take minutes, show a message first."""
     from codra_dsl.tooling.report.dot import MAX_QUICK_NODES, render_svg
 
-    if len(graph.elements) > MAX_QUICK_NODES:
-        say(f"drawing {len(graph.elements)} nodes may take minutes: --select draws a part, --format html is faster")
-    return render_svg(graph)
+    if len(picture.elements) > MAX_QUICK_NODES:
+        say(f"drawing {len(picture.elements)} nodes may take minutes: --select draws a part, --format html is faster")
+    return render_svg(picture)
 
 
 FORMAT = GraphFormat(name="svg", endings=(".svg",), render=_render)

@@ -22,20 +22,6 @@ function reach(start, neighbours, steps) {
   return reached;
 }
 
-function boxesOf(nodes, specs, kinds) {
-  // The boxes that an overview shows instead of nodes: one for each module of each spec. If there is only one module, one for each kind of nodes.
-  const moduleOf = (node) => node.spec + "/" + node.group;
-  const single = new Set(nodes.map(moduleOf)).size === 1;
-  const boxes = new Map();
-  nodes.forEach((node, number) => {
-    const key = single ? node.kind : moduleOf(node);
-    const label = single ? kinds[node.kind] : specs.length > 1 ? key : node.group;
-    if (!boxes.has(key)) boxes.set(key, { key, label, members: [] });
-    boxes.get(key).members.push(number);
-  });
-  return boxes;
-}
-
 function linksBetween(boxes, edges) {
   // One link for all edges between two boxes; if there are edges in both directions, the link has two heads.
   const boxOf = new Map(boxes.flatMap((box, index) => box.members.map((number) => [number, index])));

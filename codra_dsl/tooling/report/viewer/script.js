@@ -6,11 +6,12 @@ const find = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 
 const { needs, neededBy } = neighboursOf(nodes.length, edges);
-const boxes = boxesOf(nodes, data.specs, kinds);
+const boxes = new Map(data.boxes.map((box) => [box.key, box])); // what the overview shows instead of nodes
 
-const LARGE = 100; // with more nodes than this, the page opens with an overview
+const LARGE = 100; // with more nodes than this, the page helps at once, and shows neighbourhoods instead of all nodes
+const LEGIBLE = 0.9; // the smallest scale at which the overview opens
 const state = {
-  view: nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole",
+  view: boxes.size ? "overview" : "whole",
   node: null, // the chosen node
   box: null, // the chosen box
   members: null, // the nodes of the part view, if it does not show the chosen node and its neighbours
@@ -53,7 +54,7 @@ function outline(kind, width, height) {
   const w = width / 2, h = height / 2;
   if (kind === "observer") return shape("polygon", { points: `${-w},0 ${-w + 14},${-h} ${w - 14},${-h} ${w},0 ${w - 14},${h} ${-w + 14},${h}` });
   if (kind === "skill") return shape("polygon", { points: `${-w},${-h} ${w - 10},${-h} ${w},0 ${w - 10},${h} ${-w},${h}` });
-  const round = kind === "context" || kind === "given" || kind === "type" || kind === "box" ? 7 : 0;
+  const round = kind === "context" || kind === "given" || kind === "type" || kind === "group" ? 7 : 0;
   return shape("rect", { x: -w, y: -h, width, height, rx: round });
 }
 
@@ -119,11 +120,16 @@ function picturePart(members) {
   };
 }
 
+function copyOf(drawing) {
+  const world = shape("g", { class: "world" });
+  world.append(...[...drawing.children].map((child) => child.cloneNode(true)));
+  return world;
+}
+
 function pictureWhole() {
   const given = find("drawing").querySelector("svg");
   if (!given) return picturePart(nodes.keys());
-  const world = shape("g", { class: "world" });
-  world.append(...[...given.children].map((child) => child.cloneNode(true)));
+  const world = copyOf(given);
   const shapes = (letter, list) => new Map(list.map((_, number) => [number, world.querySelector(`#${letter}${number}`)]).filter(([, svgShape]) => svgShape));
   const picture = { world, nodes: shapes("n", nodes), edges: shapes("e", edges) };
   for (const [number, svgShape] of picture.nodes) svgShape.classList.toggle("gone", state.hidden.has(nodes[number].kind));
@@ -133,13 +139,16 @@ function pictureWhole() {
 
 function pictureOverview() {
   const list = [...boxes.values()];
-  const items = list.map((box) => {
-    const worst = Math.max(...box.members.map((number) => nodes[number].worst_case_s ?? 0));
-    const lines = [box.label, `${nodeCountText(box.members)}${worst ? `, ≤ ${Number(worst.toFixed(3))} s` : ""}`];
-    return { kind: "box", lines, ...sizeOf(lines, "box") };
-  });
-  const { world, nodeShapes } = drawGraph(items, linksBetween(list, edges));
-  return { world, nodes: new Map(), edges: new Map(), boxes: new Map(list.map((box, number) => [box.key, nodeShapes[number]])) };
+  const given = find("overview").querySelector("svg");
+  const items = list.map(({ lines }) => ({ kind: "group", lines, ...sizeOf(lines, "group") }));
+  const world = given ? copyOf(given) : drawGraph(items, linksBetween(list, edges)).world;
+  const shapes = list.map((box, number) => [box, given ? world.querySelector(`#n${number}`) : world.querySelectorAll(".node")[number]]);
+  return {
+    world,
+    nodes: new Map(shapes.filter(([box]) => box.members.length === 1).map(([box, svgShape]) => [box.members[0], svgShape])),
+    edges: new Map(),
+    boxes: new Map(shapes.filter(([box]) => box.members.length > 1).map(([box, svgShape]) => [box.key, svgShape])),
+  };
 }
 
 // ---- the stage: pan and zoom
@@ -162,13 +171,14 @@ function extent(shapes) {
   return { x, y, width: Math.max(...xs) - x, height: Math.max(...ys) - y };
 }
 
-function fit() {
+function fit(least = state.view === "overview" ? LEGIBLE : 0) {
   // Zoom to the chosen node and its neighbours, or else to the entire graph.
   const touched = state.node === null ? [] : [...picture.nodes.values()].filter((svgShape) => !svgShape.matches(".away, .gone"));
   const frame = stage.getBoundingClientRect(), box = touched.length ? extent(touched) : picture.inner.getBBox();
   if (!box.width || !frame.width) return;
-  const scale = Math.min((frame.width - 40) / box.width, (frame.height - 40) / box.height, 1.4);
-  view = { scale, x: (frame.width - box.width * scale) / 2 - box.x * scale, y: (frame.height - box.height * scale) / 2 - box.y * scale };
+  const scale = Math.max(Math.min((frame.width - 40) / box.width, (frame.height - 40) / box.height, 1.4), least);
+  const margin = (room, size) => Math.max(20, (room - size * scale) / 2); // a picture that does not fit begins at the left and at the top
+  view = { scale, x: margin(frame.width, box.width) - box.x * scale, y: margin(frame.height, box.height) - box.y * scale };
   fitted = true;
   place();
 }
@@ -294,7 +304,7 @@ function reveal(number) {
 
 function chooseBox(key) { state.box = key; state.node = null; mark(); controls(); updatePanel(); }
 function openBox(key) { state.members = boxes.get(key).members; state.box = key; state.node = null; state.view = "part"; show(); }
-const home = () => (nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole");
+const home = () => (boxes.size ? "overview" : "whole");
 
 function go(name) {
   state.view = name;
@@ -306,7 +316,7 @@ function go(name) {
 
 function controls() {
   const names = { overview: `Overview (${boxes.size})`, whole: `All (${nodes.length})`, part: state.node === null && (state.box || state.members) ? "Around the chosen group" : "Around the chosen node" };
-  const able = { overview: boxes.size > 1, whole: true, part: state.node !== null || state.members !== null || state.box !== null };
+  const able = { overview: boxes.size > 0, whole: true, part: state.node !== null || state.members !== null || state.box !== null };
   const focused = document.activeElement?.name === "view";
   find("views").replaceChildren(...Object.entries(names).map(([name, label]) => element("label", {},
     element("input", { type: "radio", name: "view", value: name, checked: state.view === name, disabled: !able[name], onchange: () => name === "part" && state.node === null && state.box ? openBox(state.box) : go(name) }), label)));
@@ -362,7 +372,7 @@ function aboutBox(box) {
   const by = (kind) => box.members.filter((number) => nodes[number].kind === kind);
   return [
     element("h2", {}, box.label),
-    element("small", {}, `${nodeCountText(box.members)} from one use of a template or one file`),
+    element("small", {}, nodeCountText(box.members)),
     state.view === "part" ? "" : element("p", {}, element("button", { type: "button", onclick: () => openBox(box.key) }, "Show its contents")),
     ...Object.keys(kinds).flatMap((kind) => listSection(kinds[kind], by(kind))),
   ];
@@ -374,6 +384,7 @@ function help() {
     element("h2", {}, data.title),
     element("p", {}, Object.keys(kinds).map((kind) => `${by(kind).length} × ${kinds[kind]}`).join(", ") + "."),
     element("p", {}, "Arrows lead from a node to the nodes that need it. Choose a node to see everything that it needs and everything that needs it."),
+    boxes.size ? element("p", {}, "In the overview, a double frame represents several nodes: choose it to see them.") : "",
     element("p", {}, element("small", {}, "Drag to move, wheel to zoom. Keys: / search, arrows walk from node to node, Enter chooses, Escape deselects, + − 0 zoom.")),
     ...listSection("Start from a skill", by("skill")),
   ];
@@ -445,7 +456,7 @@ function walk(key) {
   const focusedBox = [...(picture.boxes ?? [])].find(([, svgShape]) => svgShape === document.activeElement);
   if (!focused && !focusedBox) return false;
   const here = (focused ?? focusedBox)[1].getBoundingClientRect();
-  const candidates = focusedBox ? [...picture.boxes.values()] : key === "ArrowLeft" || key === "ArrowRight"
+  const candidates = picture.boxes ? [...picture.boxes.values(), ...picture.nodes.values()] : key === "ArrowLeft" || key === "ArrowRight"
     ? (key === "ArrowLeft" ? needs : neededBy)[focused[0]].map(([other]) => picture.nodes.get(other)).filter(Boolean) : [...picture.nodes.values()];
   const middle = (box) => [box.left + box.width / 2, box.top + box.height / 2];
   const [x, y] = middle(here);
@@ -473,18 +484,19 @@ window.addEventListener("keydown", (event) => {
   if (event.key === "/") { event.preventDefault(); find("search").focus(); find("search").select(); }
   else if (event.key === "+" || event.key === "=") zoom(1.25);
   else if (event.key === "-") zoom(0.8);
-  else if (event.key === "0") fit();
+  else if (event.key === "0") fit(0);
   else if (event.key.startsWith("Arrow") && walk(event.key)) event.preventDefault();
 });
 
 find("zoom-in").addEventListener("click", () => zoom(1.25));
 find("zoom-out").addEventListener("click", () => zoom(0.8));
-find("fit").addEventListener("click", () => fit());
+find("fit").addEventListener("click", () => fit(0));
 find("help").addEventListener("click", () => { state.help = !state.help; updatePanel(); });
 find("steps").value = nodes.length > LARGE ? "3" : "99999";
 find("steps").addEventListener("change", () => show());
 find("views").addEventListener("submit", (event) => event.preventDefault());
 window.addEventListener("resize", () => { if (fitted) fit(); });
+matchMedia("print").addEventListener("change", (event) => fit(event.matches ? 0 : undefined)); // a sheet of paper shows all
 
 legend();
 show();
