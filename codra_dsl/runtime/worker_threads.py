@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 from codra_dsl.runtime.forks import new_lock
 
 _Inbox = SimpleQueue[Callable[[], object] | None]
-"""What the next function of one thread is put into; None ends the thread."""
+"""The queue with the next function of one thread; None ends the thread."""
 
 IDLE_S = 10.0
 """How long a thread waits for the next function before it ends."""

@@ -1,7 +1,7 @@
 """The robot's body: it drives, looks and manipulates. Every action takes time and moves the camera.
 
-An action changes only what the hand really moves: if the robot pulls at a locked lid, the lid stays closed. Sometimes a
-lever or a lid slips from the hand. The robot gets no report of success or failure, so it has to look.
+An action changes only the parts that the hand really moves: if the robot pulls at a locked lid, the lid stays closed.
+Sometimes a lever or a lid slips from the hand. The robot gets no report of success or failure, so it has to look.
 """
 
 from __future__ import annotations

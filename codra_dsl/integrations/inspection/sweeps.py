@@ -34,7 +34,7 @@ _NAME_AND_VALUE = re.compile(r"((?:[<>=!]=|[^=])*)(=?)(.*)", re.DOTALL)
 
 
 class SweepError(ValueError):
-    """A sweep is not possible as requested; the message names what is possible."""
+    """A sweep is not possible as requested; the message names the possible values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

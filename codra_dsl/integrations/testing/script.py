@@ -194,7 +194,7 @@ class Speakers:
             codra: the context manager.
             clock: the clock of the story.
             repeat_intervals_s: how often agents repeat their values and edges.
-            refusals_at: reports a repetition that is refused, at the place of what is repeated.
+            refusals_at: reports a repetition that is refused, at the place of the repetition.
         """
         self._codra = codra
         self._types = {variable.name: variable.type for variable in codra.model.variables}

@@ -176,7 +176,7 @@ class LazyEventsByName(Generic[EventsT]):
 
 
 class LatestEventsInFile:
-    """The latest events before a position in a file; `LatestEventsView` states what each attribute has."""
+    """The latest events before a position in a file; `LatestEventsView` describes the attributes."""
 
     def __init__(self, file: EventsInFile, end: Position) -> None:
         self._file = file

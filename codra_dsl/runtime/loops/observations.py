@@ -50,7 +50,7 @@ class Observation:
 
 
 def is_evidence(reading: Reading[Value]) -> bool:
-    """Return whether a reading rests on evidence: it is no override, and is not derived from one."""
+    """Return whether a reading rests on evidence: it is not an override, and is not derived from one."""
     return reading.source != OPERATOR and not (reading.source == DERIVED and reading.start_s == BEFORE_ALL_S)
 
 

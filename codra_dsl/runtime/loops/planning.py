@@ -101,7 +101,7 @@ class Plan:
         unconfirmed: the variables of the parameters for which the analysis has no value: it is unknown and there is no
             `otherwise`, or it is refused. Their evidence is not renewed.
         rate_changes: the observations of the rates that have become known or unknown, or are unknown for another reason
-            than before. A `computed` event records each of them, so `why` can tell what a rate lacks.
+            than before. A `computed` event records each of them, so `why` can show why a rate is unknown.
     """
 
     assessment: Assessment

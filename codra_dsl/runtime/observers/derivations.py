@@ -107,5 +107,5 @@ class Derivations:
 
 
 def _is_news(before: Reading[Value], reading: Reading[Value]) -> bool:
-    """Return whether a reading says something new about the variable, apart from when it must be derived again."""
+    """Return whether a reading has new content for the variable, apart from when it must be derived again."""
     return replace(reading, identified_s=before.identified_s, expires_s=before.expires_s) != before

@@ -257,7 +257,7 @@ class RemoteContext:
             raise
 
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> tuple[Answer | None, PlainData]:
-        """Return what the program found by its own look, and the fields of the request that reports it."""
+        """Return the value from the program's own look, and the fields of the request that reports it."""
         try:
             value = otherwise()
             content = plain_value(value)

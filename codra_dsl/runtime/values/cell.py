@@ -347,7 +347,7 @@ class Cell:
         return tuple(self._readings[max(0, len(self._readings) - self._history_limit) :])
 
     def at(self, instant_s: float) -> Reading[Value]:
-        """Return the reading at an instant, according to what is known today.
+        """Return the reading at an instant, as far as known today.
 
         This is the override at the instant, or the reading of the sources.
         """
@@ -360,7 +360,7 @@ class Cell:
         return next((span.override for span in spans if span.covers(instant_s)), None)
 
     def observed_at(self, instant_s: float) -> Reading[Value]:
-        """Return the reading of the sources at an instant, according to what is known today.
+        """Return the reading of the sources at an instant, as far as known today.
 
         This is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
         instant, the variable is unknown in the returned reading.

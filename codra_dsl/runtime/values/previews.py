@@ -22,7 +22,7 @@ class PreviewOutcome(StrEnum):
     HOLDS = "holds"
     """All conditions hold, and all variables that are named alone are known."""
     VIOLATED = "violated"
-    """At least one condition does not hold, whatever the unknown variables are."""
+    """At least one condition does not hold, for all values of the unknown variables."""
     UNKNOWN = "unknown"
     """No condition is violated, and at least one variable is needed that is unknown."""
 

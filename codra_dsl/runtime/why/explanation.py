@@ -24,7 +24,7 @@ LatestEventsAt = Callable[[float], LatestEventsView]
 
 
 PREVIEW_PREFIX = "preview of "
-"""What precedes the name of a skill in a question about its preview, whatever else has this name."""
+"""The words before the name of a skill in a question about its preview; needed if another element has this name."""
 
 
 def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, at_s: float) -> Why:
@@ -206,7 +206,7 @@ class _Explanation:
         )
 
     def preview(self, skill: SkillModel, at_s: float) -> Why:
-        """Explain the preview of a skill: why it holds, what it lacks, or which condition is violated."""
+        """Explain the preview of a skill: why it holds, why it is unknown, or which condition is violated."""
         context, rules = self._context_at(at_s), [*self._summary.previews.get(skill.name, ())]
         conditions = tuple(PreviewCondition(text=rule.text, condition=rule.term) for rule in rules)
         answer = evaluate(replace(skill, preview_conditions=conditions), context)
@@ -346,7 +346,7 @@ class _Explanation:
             )
 
     def _with_expressions(self, rule: Rule) -> Rule:
-        """Return a condition with expressions in place of derived variables: nobody can change these variables."""
+        """Return a condition with expressions in place of derived variables, which no program can write."""
         text = rule.python_text
         pending_names, expression_count = sorted(rule.term.variables()), 0
         while pending_names and len(text) < _MAX_TEXT_LENGTH and expression_count < _MAX_EXPRESSIONS:

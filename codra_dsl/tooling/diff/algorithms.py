@@ -155,7 +155,7 @@ def returned_types(scope: Scope, _: object) -> Types:
 
 
 def _conditions_with_pose_comparisons(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Yield conditions in which each implicit variable is replaced by the comparison of poses that it stands for."""
+    """Yield conditions in which each implicit variable is replaced by its comparison of poses."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 

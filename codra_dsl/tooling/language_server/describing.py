@@ -1,4 +1,4 @@
-"""What an editor shows about a name, the symbols of a file, and the colours of conditions."""
+"""The text that an editor shows about a name, the symbols of a file, and the colours of conditions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_SHOWN_NAMES = 3
 
 
 def hover(cursor: Cursor) -> types.Hover | None:
-    """Return what is known about the name at a cursor."""
+    """Return the description of the name at a cursor."""
     found = cursor.index.at(cursor)
     site = cursor.file if any(_site(names) == cursor.file for names, _ in found) else ""
     texts = dict.fromkeys(_description(names, name_range.symbol) for names, name_range in found if _site(names) == site)

@@ -142,7 +142,7 @@ class _Suppressions:
                     ).append(suppression)
 
     def remaining_findings(self, diagnostic: Diagnostic) -> tuple[Diagnostic, ...]:
-        """Return what is left of a finding: nothing, the finding, or findings for the uses that are not silenced."""
+        """Return the rest of a finding: nothing, the finding, or findings for the uses that are not silenced."""
         if not self._suppressions_by_line or diagnostic.rule.is_binding:
             return (diagnostic,)
         if self._silence(diagnostic.code, diagnostic.place.span):

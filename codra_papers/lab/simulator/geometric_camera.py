@@ -80,7 +80,7 @@ def _tags_of(machine: Machine, part: Part) -> _PartTags:
 
 
 class GeometricCamera:
-    """Computes what the arm camera sees in a state. Only one thread may use it at a time."""
+    """Computes the view of the arm camera in a state. Only one thread may use it at a time."""
 
     def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
         self._stage = Stage(laboratory)

@@ -60,7 +60,7 @@ TYPE_KEYS = ("type", "unit", "values")
 """The keys that define the type of a variable or returned value."""
 
 NEED_KEYS = ("observable_when", "given")
-"""The keys that define what an algorithm needs."""
+"""The keys that define the needs of an algorithm."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ def wrong_ends(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagno
 def _state_without_task_findings(declared_graph: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
     """Yield the finding about a task state on an edge that is not the edge of a task.
 
-    `some task` and `anything` match any task, so such a target is no mistake.
+    `some task` and `anything` match any task, so such a target is allowed.
     """
     task = declared_graph.tasks.get(step.target.name)
     if not step.target.name and step.target.type in ("", "task"):

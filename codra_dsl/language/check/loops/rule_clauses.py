@@ -62,7 +62,7 @@ _DESCRIPTIONS = tuple(
         (rf"{_NAME}\s+(?:is\s+)?not\s+in\s*{_WORDS}", "not ", _ONE_TERM),
     )
 )
-"""Forms of a variable with its terms: each with the hedge before the terms, and what is wrong; the first is right."""
+"""Forms of a variable with its terms: each with its hedge and its mistake; the first form is right."""
 
 _EXPRESSIONS = tuple(
     (re.compile(pattern, _FLAGS), replacement)

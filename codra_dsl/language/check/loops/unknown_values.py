@@ -1,4 +1,4 @@
-"""Checks of loops (phase 5): a parameter does not keep a value that nobody stated may be kept.
+"""Checks of loops (phase 5): a parameter keeps a value only if the spec states that the value may be kept.
 
 While the value of a `set` adaptation is unknown, its variable gets the value of `otherwise`. Without `otherwise`, the
 last value would stay, such as a high speed after the lidar has failed.

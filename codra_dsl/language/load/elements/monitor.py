@@ -1,4 +1,4 @@
-"""Read what a skill expects while it acts: `NAME`, `NAME becomes VALUE within D`, `NAME stays VALUE`."""
+"""Read the expectations of a skill while it acts: `NAME`, `NAME becomes VALUE within D`, `NAME stays VALUE`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read what the decision before an action needs: names of variables, which must be known, and conditions."""
+"""Read the needs of the decision before an action: names of variables, which must be known, and conditions."""
 
 from __future__ import annotations
 

@@ -300,7 +300,7 @@ class _Explanation:
         )
 
     def _report_replaced_key(self, path: tuple[str | int, ...], missing_key: str) -> None:
-        """Report a key that is not allowed in its mapping, and probably stands in place of a missing one."""
+        """Report a key that is not allowed in its mapping, and was probably meant as a missing key."""
         message = f"{self._value_name(path)} is not allowed here"
         help_text, key_path = f"did you mean '{missing_key}', which is missing?", self._subject.part(*path)
         self._findings.add("misplaced-key", message, self._place_of_name(path), help=help_text, path=key_path)
