@@ -167,7 +167,7 @@ class Commands:
                 raise RuntimeError("a skill that has ended cannot act: begin it again")
             _caller, skill = self._skills_under_way[number]
             self._record_input("act", number=number)
-            with self._store.derivations.together():
+            with self._store.derivations.deferred():
                 for variable in skill.changes:
                     self._store.invalidate(variable, skill.name, MAIN)
             self._event_triggers.act(number, skill.changes)

@@ -55,7 +55,7 @@ class Derivations:
             self._derive_all(readers)
 
     @contextmanager
-    def together(self) -> Iterator[None]:
+    def deferred(self) -> Iterator[None]:
         """Treat all readings that are written within the statement as one change."""
         self._writer_count += 1
         try:

@@ -66,7 +66,7 @@ class Store:
 
     def write_all(self, readings: Iterable[Reading[Value]]) -> None:
         """Store readings that are identified together."""
-        with self.derivations.together():
+        with self.derivations.deferred():
             for reading in readings:
                 self.write(reading)
 
@@ -119,7 +119,7 @@ class Store:
 
     def forget(self, names: Iterable[str], observer: str) -> None:
         """Make variables of a stopping observer unknown, if they are known now and are declared with `forget`."""
-        with self.derivations.together():
+        with self.derivations.deferred():
             for name in names:
                 if self.variables[name].when_unobservable == "forget" and self._observed(name).known:
                     self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)

@@ -337,11 +337,11 @@ class _Explanation:
                 yield MissingChange(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return
         for rule in unmet_preconditions:
-            flips_s = rule.term.flips_s(context)
+            wait_s = rule.term.next_change_in_s(context)
             yield MissingChange(
                 variable=min(rule.term.variables(), default=""),
                 condition=rule.text,
-                from_s=None if flips_s is None else context.at_s + flips_s,
+                from_s=None if wait_s is None else context.at_s + wait_s,
                 place=rule.place,
             )
 
