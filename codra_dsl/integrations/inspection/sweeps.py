@@ -172,7 +172,7 @@ def check_given(subject: Subject, given_names: Sequence[str]) -> None:
     """Check that no value is given for a derived variable together with a value of one of its inputs.
 
     Raises:
-        SweepError: if this is so; then the values could contradict each other.
+        SweepError: if such values are given, because they could contradict each other.
     """
     for name in given_names:
         given_input = next((other for other in given_names if other in subject.inputs_of(name)), None)

@@ -1,4 +1,4 @@
-"""A site: the values of a spec that differ in one place where the robot works."""
+"""Sites: each states which values of a spec differ at one place where the robot works."""
 
 from __future__ import annotations
 

@@ -129,8 +129,8 @@ def compare_observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
 def compare_preview_conditions(scope: Scope, _: str, old: Sequence[Condition], new: Any) -> Iterator[Change]:
     """Yield a change if the guard that the conditions of a preview form together has changed.
 
-    A variable that is named alone must be known. It counts if a condition reads it, too; other names are compared as
-    such.
+    A variable that is named alone must be known. This is a part of the guard if a condition reads the variable as well;
+    all other names are compared as names.
     """
     trees = [condition.tree for condition in (*old, *new) if condition.tree is not None]
     read_names = {name.name for tree in trees for name in names_in(tree)}

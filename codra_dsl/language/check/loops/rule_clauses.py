@@ -1,8 +1,8 @@
 """Mistakes in the parts of a fuzzy rule, with the form that was probably meant.
 
 A rule describes variables by terms: `if gap is close and bumped is true then low`. The rule is cut at `and`, `or` and
-`then`, so that a mistake in one part hides none in the others. What describes no variable by a term, such as
-`gap < 2 m`, is read as an expression over context, which a derived variable can have.
+`then`, so that a mistake in one part hides none in the others. A part without a term, such as `gap < 2 m`, is read as
+an expression over context, which a derived variable can have.
 """
 
 from __future__ import annotations
@@ -185,14 +185,14 @@ class RuleText:
         if name not in names.variables:
             yield Mistake(*match.span("name"), *names.unknown_variable(name), is_unknown_name=True)
             return
-        terms = [names.meant_term(name, word.strip()) for word in words.split(",")] if words else []
+        terms = [names.intended_term(name, word.strip()) for word in words.split(",")] if words else []
         if None in terms or (words and not message and terms != [words]):
             related = (Related("declared here", names.variables[name].place),)
             yield Mistake(*match.span("words"), *names.unknown_term(name, words), is_unknown_name=True, related=related)
         elif message:
             operator = " and " if hedge else " or "
-            meant = operator.join(f"{name} is {hedge}{term}" for term in terms) or names.example(name, hedge)
-            help = f"write '({meant})'" if len(terms) > 1 else f"write '{meant}'"
+            intended_text = operator.join(f"{name} is {hedge}{term}" for term in terms) or names.example(name, hedge)
+            help = f"write '({intended_text})'" if len(terms) > 1 else f"write '{intended_text}'"
             yield Mistake(*match.span(), message.format(name=name), help)
 
     def _expression(self, start: int, end: int) -> Iterator[Mistake]:

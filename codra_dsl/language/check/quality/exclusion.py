@@ -22,8 +22,8 @@ def excluded_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator
 
     Let a skill preview `x` and `y`, and let other skills set `x` to V. Then `y` is excluded if every algorithm for `y`
     has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and the
-    skills that set `x` to V have previewed `y` before, then `y` is assumed to be known. A skill whose preview no such V
-    satisfies does not act then, so nothing is reported.
+    skills that set `x` to V have previewed `y` before, then `y` is assumed to be known. If no such V satisfies the
+    preview, the skill does not act, and nothing is reported.
     """
     if spec_index.has_damage("perception", *NEED_KEYS, "identifies") or spec_index.has_damage(
         "skills", "preview", "monitor"
