@@ -18,7 +18,7 @@ IDLE_S = 10.0
 
 
 class WorkerThreads:
-    """Runs each function at once, in a thread that has none to run; if there is no such thread, in a new one.
+    """Runs each function at once, in an idle thread, or in a new thread if none is idle.
 
     So a function that hangs delays no other function. The threads are daemons, so it does not delay the end of the
     process either. Starting a thread takes several times as long as giving a function to a waiting thread.

@@ -34,7 +34,7 @@ from codra_papers.lab.simulator.world import (
     Path,
     Quantity,
     Values,
-    straight,
+    straight_path,
 )
 
 
@@ -486,7 +486,7 @@ def _station_pose(machine: Machine) -> Pose:
 
 def _angle_path(from_rad: float, to_rad: float, *, slips: bool) -> Path:
     """Return the path of a part's angle. A part that slips stops after `SLIP_SHARE` of the path."""
-    full_path = straight((from_rad,), (to_rad,))
+    full_path = straight_path((from_rad,), (to_rad,))
     return (lambda progress: full_path(min(progress, SLIP_SHARE))) if slips else full_path
 
 

@@ -150,8 +150,8 @@ class Recording:
     def is_late(self, step: int, due_s: float) -> bool:
         """Return whether the run may have made a step more than a tolerance after the step was due.
 
-        A late step is an input of its own. The journal is read until it shows whether there was one, but not beyond
-        limits that hardly any late step exceeds.
+        A late step is an input of its own. The journal is read until it shows whether there was one, but only up to
+        limits that nearly all late steps keep.
         """
         while step not in self._late_steps:
             last_input = self._inputs[-1][0] if self._inputs else None
@@ -166,7 +166,7 @@ class Recording:
         return True
 
     def expects_event_before_input(self) -> bool:
-        """Return whether an event is expected that the run had before the input that was taken last."""
+        """Return whether the replay still lacks an event that the run had before the last input."""
         is_readable = self.next_readable_event() is not None
         dropped_count = self._expected_event_count - len(self._expected_events)
         return is_readable and dropped_count < self._expected_event_count_before_input
