@@ -357,5 +357,5 @@ class RemoteContext:
 
 
 def _fields_of(options: Mapping[str, object]) -> PlainData:
-    """Return the options of a decision that limit it: a message cannot state that there is no limit."""
+    """Return only the options of a decision that set a limit, because a message cannot express an infinite limit."""
     return {key: option for key, option in options.items() if (key, option) not in _NO_LIMITS}

@@ -1,4 +1,4 @@
-"""The seeds of reports. They follow from the commit of the protocol, so they were unknown before it."""
+"""The seeds of reports. They follow from the commit of the protocol, so nobody can have seen them before it."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def always_holding_previews(spec_index: SpecIndex, faults: FaultyElements) -> It
 
 
 def repeated_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """No variable that a preview names alone is certainly known if a condition of the preview holds."""
+    """A preview does not name a variable alone if one of its conditions holds only if the variable is known."""
     types = spec_index.context_types
     for skill in _skills_with_conditions(spec_index, faults):
         conditions = list(sound_conditions(spec_index, skill.preview_conditions))
