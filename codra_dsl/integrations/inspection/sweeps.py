@@ -162,7 +162,7 @@ def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None
 
 
 def needed(subject: Subject, values: Mapping[str, Value | None], given_names: Sequence[str]) -> dict[str, Value | None]:
-    """Return the values without those inputs that only a derived variable reads whose value is given or varied."""
+    """Return the values without inputs that are read only by derived variables with a given or varied value."""
     derived_names = subject.read_names.difference(given_names)
     names = subject.read_names.union(given_names, *map(subject.inputs_of, derived_names))
     return {name: value for name, value in values.items() if name in names}

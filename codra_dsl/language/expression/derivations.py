@@ -102,7 +102,7 @@ def _mask_counts(text: str) -> tuple[str, dict[int, Count]]:
 
 
 def _with_implicit_names(part: Node, counts: dict[int, Count]) -> Node:
-    """Return a part of an expression in which everything that the graph determines is the name of a variable.
+    """Return a part of an expression, with names of variables in place of everything that the graph determines.
 
     Raises:
         ExpressionError: if the part uses the age of something that the graph determines.

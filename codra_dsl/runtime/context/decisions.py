@@ -283,7 +283,7 @@ class Preview(_State):
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Return the variables because of which the preview is not decided."""
+        """Return the variables that leave the preview undecided."""
         return () if self.is_decided else tuple(variable.name for variable in self.answer.unknown)
 
     @property

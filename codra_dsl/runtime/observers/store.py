@@ -129,7 +129,7 @@ class Store:
     def begin_override(self, name: str, content: Value | None, detail: str, until_s: float) -> None:
         """Let the operator give a variable a value, or make it unknown if `content` is None, until an instant.
 
-        The readings of the sources go on beneath the override.
+        The sources continue to write readings during the override.
         """
         now_s, cell = self._clock.now_s(), self.cells[name]
         reason = Reason.OVERRIDDEN if content is None else None

@@ -126,7 +126,7 @@ class Undetermined:
         self._drop_derived(self.assumed_variables)
 
     def _drop_derived(self, variables: set[str]) -> None:
-        """Remove the derived variables none of whose inputs is among some variables: they have no memory."""
+        """Remove the derived variables without an input among some variables: they have no memory."""
         dropped = variables
         while dropped:
             dropped = {name for name in variables & self._inputs.keys() if variables.isdisjoint(self._inputs[name])}

@@ -305,7 +305,7 @@ def _names_in(term: Term) -> Iterator[str]:
 
 
 def unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
-    """Return the inputs because of which a term is unknown, in the order of the term."""
+    """Return the inputs that make a term unknown, in the order of the term."""
     if term.evaluate(scope) is not None:
         return ()
     parts = term.parts()

@@ -24,7 +24,7 @@ class PreviewOutcome(StrEnum):
     VIOLATED = "violated"
     """At least one condition does not hold, for all values of the unknown variables."""
     UNKNOWN = "unknown"
-    """No condition is violated, and at least one variable is needed that is unknown."""
+    """No condition is violated, and at least one needed variable is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class PreviewAnswer:
         skill: the skill that comes next.
         violated: the conditions that do not hold, as written in the spec.
         undecided: the conditions whose result is unknown, and the unknown variables that are named alone.
-        unknown: the unknown variables because of which something is undecided.
+        unknown: the unknown variables that leave a condition or a name undecided.
     """
 
     skill: str

@@ -275,7 +275,7 @@ class _Explanation:
         return unknown_names if unknown_names and not is_known else names
 
     def _unknown_plain_inputs(self, name: str, context: _PastContext) -> Iterator[str]:
-        """Yield the variables, none of them derived, because of which a derived variable is unknown."""
+        """Yield the variables that make a derived variable unknown, without derived ones."""
         pending_names, seen_names = [name], set[str]()
         while pending_names:
             other = pending_names.pop()

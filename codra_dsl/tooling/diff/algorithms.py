@@ -60,7 +60,7 @@ def _algorithm_scope(scope: Scope, old_name: str, new_name: str) -> Scope:
 
 
 def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
-    """Return the first algorithm in A and the first one in B of each variable for which B has only other algorithms."""
+    """Return the first algorithm in A and in B of each variable, if B has replaced all of its algorithms."""
     replacements: dict[tuple[str, str], None] = {}
     for variable, old_names in pair.old.producers.items():
         new_names = pair.new.producers.get(variable, ())

@@ -237,7 +237,7 @@ def _with_unit(part: Node, unit: str | None) -> Node:
 
 
 def _declaration_help(tree: Node, term: str | None) -> str:
-    """Return the help for an expression that must be declared as a variable, of which the rule states a term."""
+    """Return the help for an expression that must be declared as a variable, so that a rule can state a term of it."""
     expression, function = to_text(tree), reads_of(tree.name)[0] if isinstance(tree, Name) else ""
     if function in _NUMBERS:
         before, after, example_term, shape = _NUMBERS[function]

@@ -54,7 +54,7 @@ class _Exclusion:
 
     Attributes:
         text: the precondition that cannot be true.
-        cause: the unknown variable because of which the precondition cannot be true; None if this is not the reason.
+        cause: the unknown variable that prevents the precondition from being true; None for other reasons.
     """
 
     algorithm: Algorithm
@@ -131,7 +131,7 @@ class _Search:
                 self._readers.setdefault(need, []).append(name)
 
     def common_exclusions(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
-        """Return the variables that can be observed with none of the expected values of a variable, and the reasons."""
+        """Return the variables, with reasons, that cannot be observed with any expected value of a variable."""
         if name not in self._exclusions:
             conditions = (expectation.condition for expectation in expectations if expectation.condition is not None)
             facts = dict.fromkeys(condition.tree for condition in conditions if condition.tree is not None)

@@ -17,7 +17,7 @@ CHOICE_KEYS = ("if", "then", "else")
 """The keys over which a choice is spread in other languages."""
 
 REPLACED_KEYS = ("value", "derived", "set", "choose", "in", "otherwise")
-"""The keys in place of which `choice_help` and `set_help` find other keys."""
+"""The keys that `choice_help` and `set_help` replace by other keys."""
 
 _INTENDED_KEYS = {
     **dict.fromkeys(("value", "expression", "expr", "formula", "condition", "computed", "derived_from"), "derived"),
