@@ -151,7 +151,7 @@ class Override(Reading[Value]):
     beneath: Reading[Value]
 
     def at(self, instant_s: float) -> Reading[Value]:
-        """Return this reading as it is at an instant; from the end of the override, the reading beneath."""
+        """Return this reading at an instant, or the reading beneath it if the override has ended by then."""
         return self if instant_s < self.expires_s else self.beneath.at(instant_s)
 
 
