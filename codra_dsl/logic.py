@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-CHANGE_STEP_S = 1e-6
+FLIP_STEP_S = 1e-6
 """A comparison such as `age(x) > 10 s` changes just after the age is 10 s, so it is evaluated again this much later."""
 
 Value = bool | int | float | str
@@ -76,9 +76,9 @@ class Term:
         """Return whether the term is certainly true: a precondition that is unknown does not hold."""
         return self.evaluate(scope) is True
 
-    def next_change_in_s(self, scope: Scope) -> float | None:
+    def flips_s(self, scope: Scope) -> float | None:
         """Return in how many seconds a comparison with an age next changes if no variable changes, or None if never."""
-        waits_s = (term.change_in_s(scope) for term in self.walk() if isinstance(term, _Comparison))
+        waits_s = (term.flip_s(scope) for term in self.walk() if isinstance(term, _Comparison))
         return min((wait_s for wait_s in waits_s if wait_s is not None), default=None)
 
     def is_in(self, *options: Value) -> Term:
@@ -356,13 +356,13 @@ class _Comparison(Term):
             return None
         return _COMPARISONS[self.symbol](left, right)
 
-    def change_in_s(self, scope: Scope) -> float | None:
+    def flip_s(self, scope: Scope) -> float | None:
         """Return in how many seconds an age on one side reaches the other side, or None if the age has passed it."""
         for aging_term, other_term in ((self.left, self.right), (self.right, self.left)):
             if isinstance(aging_term, _Age) and not isinstance(other_term, _Age):
                 age_s, limit_s = aging_term.evaluate(scope), other_term.evaluate(scope)
                 if isinstance(age_s, (int, float)) and isinstance(limit_s, (int, float)):
-                    return max(limit_s - age_s, CHANGE_STEP_S) if limit_s >= age_s else None
+                    return max(limit_s - age_s, FLIP_STEP_S) if limit_s >= age_s else None
         return None
 
     def __repr__(self) -> str:

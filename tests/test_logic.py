@@ -1,4 +1,4 @@
-"""Three-valued logic and arithmetic: truth tables, unknown values, texts of terms, and when ages reach limits."""
+"""Three-valued logic and arithmetic: truth tables, unknown values, the text of a term, and when ages flip."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.logic import (
-    CHANGE_STEP_S,
+    FLIP_STEP_S,
     Term,
     Value,
     age,
@@ -299,14 +299,14 @@ EIGHTHS = st.integers(0, 240).map(lambda eighths: eighths / 8)
 
 
 @given(st.lists(st.tuples(st.sampled_from("<>"), EIGHTHS, st.booleans()), min_size=1, max_size=4), EIGHTHS)
-def test_between_two_changes_of_an_age_comparison_a_condition_over_the_age_does_not_change(
+def test_between_flips_a_condition_over_an_age_does_not_change(
     comparisons: list[tuple[str, float, bool]], age_s: float
 ) -> None:
     terms = [age("x") < limit if sign == "<" else literal(limit) <= age("x") for sign, limit, _ in comparisons]
     term = terms[0]
     for other, (_, _, is_and) in zip(terms[1:], comparisons[1:], strict=True):
         term = term & other if is_and else term | other
-    wait_s = term.next_change_in_s(Values(ages_s={"x": age_s}))
+    wait_s = term.flips_s(Values(ages_s={"x": age_s}))
     before = term.evaluate(Values(ages_s={"x": age_s}))
     until_s = 60.0 if wait_s is None else wait_s
     for share in (0.0, 0.3, 0.9, 0.999):
@@ -318,24 +318,24 @@ def test_between_two_changes_of_an_age_comparison_a_condition_over_the_age_does_
 @pytest.mark.parametrize(
     "term", [age("x") > 10.0, age("x") >= 10.0, age("x") <= 10.0, literal(10.0) < age("x")], ids=repr
 )
-def test_stepping_from_change_to_change_finds_the_other_side(term: Term) -> None:
+def test_stepping_from_flip_to_flip_finds_the_other_side(term: Term) -> None:
     age_s, steps = 4.0, 0
-    while (wait_s := term.next_change_in_s(Values(ages_s={"x": age_s}))) is not None:
+    while (wait_s := term.flips_s(Values(ages_s={"x": age_s}))) is not None:
         age_s, steps = age_s + wait_s, steps + 1
-    assert age_s == pytest.approx(10.0, abs=2 * CHANGE_STEP_S)
+    assert age_s == pytest.approx(10.0, abs=2 * FLIP_STEP_S)
     assert steps <= 3
     assert term.evaluate(Values(ages_s={"x": age_s})) is not term.evaluate(Values(ages_s={"x": 4.0}))
 
 
-def test_a_limit_can_be_a_variable_and_an_unknown_comparison_does_not_change() -> None:
+def test_a_limit_can_be_a_variable_and_an_unknown_comparison_does_not_flip() -> None:
     term = ~known("x") | (age("x") > Y * 2.0)
-    assert term.next_change_in_s(Values({"x": 1, "y": 5.0}, {"x": 4.0})) == 6.0
-    assert term.next_change_in_s(Values({"y": 5.0})) is None
-    assert term.next_change_in_s(Values({"x": 1}, {"x": 4.0})) is None
-    assert (age("x") > age("y")).next_change_in_s(Values(ages_s={"x": 1.0, "y": 2.0})) is None
+    assert term.flips_s(Values({"x": 1, "y": 5.0}, {"x": 4.0})) == 6.0
+    assert term.flips_s(Values({"y": 5.0})) is None
+    assert term.flips_s(Values({"x": 1}, {"x": 4.0})) is None
+    assert (age("x") > age("y")).flips_s(Values(ages_s={"x": 1.0, "y": 2.0})) is None
 
 
 def test_a_condition_without_an_age_changes_with_variables_only() -> None:
     assert reads_ages(~known("x") | (age("x") > 10.0))
     assert not reads_ages(~known("x") | (X > 10.0))
-    assert (X > 10.0).next_change_in_s(Values({"x": 4.0})) is None
+    assert (X > 10.0).flips_s(Values({"x": 4.0})) is None

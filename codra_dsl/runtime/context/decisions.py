@@ -324,7 +324,7 @@ class Preview(_State):
     def next_check_s(self, context: DecisionContext, now_s: float) -> float:
         """Return the next instant at which the wait ends, or an age in a condition passes its limit."""
         preview_context = self._preview_context(context, now_s)
-        waits_s = (condition.condition.next_change_in_s(preview_context) for condition in self.skill.preview_conditions)
+        waits_s = (condition.condition.flips_s(preview_context) for condition in self.skill.preview_conditions)
         return min([self.until_s, *(now_s + wait_s for wait_s in waits_s if wait_s is not None)])
 
     def look_up(self, context: DecisionContext, now_s: float) -> None:

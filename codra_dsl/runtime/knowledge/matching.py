@@ -152,7 +152,7 @@ def next_change_s(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence
     for bindings, _ in _follow_paths(snapshot, schema, patterns) if terms else ():
         scope = _Scope(snapshot, bindings)
         for term in terms:
-            wait_s = term.next_change_in_s(scope)
+            wait_s = term.flips_s(scope)
             instants_s.append(math.inf if wait_s is None else snapshot.instant_s + wait_s)
             instants_s.extend(scope.until_s(name) for name in term.variables())
     return min(instants_s)

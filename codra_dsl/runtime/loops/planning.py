@@ -241,7 +241,7 @@ class Planning:
             rate_changes=tuple(self._rate_changes(assessment.scene)),
             decisions=decisions,
             settings=settings,
-            due_s=min(decisions_due_s, settings_due_s, self._next_change_s(assessment.scene, now_s)),
+            due_s=min(decisions_due_s, settings_due_s, self._next_flip_s(assessment.scene, now_s)),
             refusals=refusals,
             unconfirmed=frozenset(
                 model.variable
@@ -387,12 +387,12 @@ class Planning:
         }
         return _target(model, {**assessment.scene, **former_observations}, now_s).value == state.value
 
-    def _next_change_s(self, scene: Scene, now_s: float) -> float:
+    def _next_flip_s(self, scene: Scene, now_s: float) -> float:
         """Return the next instant at which a comparison with an age or a rate changes by itself; infinite if never."""
         scope = SceneScope(scene, now_s)
         terms = [rule.condition for course in self.courses.values() for rule in course.always]
         terms += [parameter.value for parameter in self._parameters]
-        waits_s = (term.next_change_in_s(scope) for term in terms)
+        waits_s = (term.flips_s(scope) for term in terms)
         changes_s = (now_s + wait_s for wait_s in waits_s if wait_s is not None)
         return min([*changes_s, *(scene[name].until_s for name in self._rates)], default=math.inf)
 

@@ -26,7 +26,7 @@ def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: flo
 
     def next_check_s() -> float:
         now_s = clock.now_s()
-        wait_s = term.next_change_in_s(ContextNow(cells, now_s))
+        wait_s = term.flips_s(ContextNow(cells, now_s))
         return math.inf if wait_s is None else now_s + wait_s
 
     return wait_until(holds, next_check_s, clock, clock.now_s() + timeout_s)

@@ -166,7 +166,7 @@ class Recording:
         return True
 
     def expects_event_before_input(self) -> bool:
-        """Return whether the replay still lacks an event that the run had before the last input."""
+        """Return whether an event is expected that the run had before the input that was taken last."""
         is_readable = self.next_readable_event() is not None
         dropped_count = self._expected_event_count - len(self._expected_events)
         return is_readable and dropped_count < self._expected_event_count_before_input

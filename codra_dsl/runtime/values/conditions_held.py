@@ -62,10 +62,10 @@ def _reads(term: Term, cells: Mapping[str, Cell]) -> tuple[frozenset[str], bool]
     return with_inputs(names, cells) - derived_names, has_ages
 
 
-def _next_change_in_s(term: Term, context: ContextAt) -> float | None:
+def _flips_s(term: Term, context: ContextAt) -> float | None:
     """Return in how many seconds a comparison with an age next changes, also in derived variables; None if never."""
     terms = (term, *(cell.term for cell in derived_cells_among(term.variables(), context.cells)))
-    waits_s = (part.next_change_in_s(context) for part in terms)
+    waits_s = (part.flips_s(context) for part in terms)
     return min((wait_s for wait_s in waits_s if wait_s is not None), default=None)
 
 
@@ -149,7 +149,7 @@ def _contexts_of_age_changes(
 ) -> Iterator[ContextAt]:
     """Yield the context whenever, between two instants, the result of a comparison with an age changes."""
     instant_s = start_s
-    while (wait_s := _next_change_in_s(term, ContextAt(cells, instant_s))) is not None and instant_s + wait_s < end_s:
+    while (wait_s := _flips_s(term, ContextAt(cells, instant_s))) is not None and instant_s + wait_s < end_s:
         instant_s += wait_s
         yield ContextAt(cells, instant_s)
 

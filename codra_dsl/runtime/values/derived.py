@@ -151,7 +151,7 @@ class DerivedCell(Cell):
     def _next_change_s(self, context: ContextAt) -> float:
         """Return when the reading can next change although no input has new evidence; infinite if never."""
         expiries_s = [context.reading(name).expires_s for name in self.inputs]
-        wait_s = self.term.next_change_in_s(context)
+        wait_s = self.term.flips_s(context)
         return min([*expiries_s, math.inf if wait_s is None else context.instant_s + wait_s])
 
 

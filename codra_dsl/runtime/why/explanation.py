@@ -337,7 +337,7 @@ class _Explanation:
                 yield MissingChange(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return
         for rule in unmet_preconditions:
-            wait_s = rule.term.next_change_in_s(context)
+            wait_s = rule.term.flips_s(context)
             yield MissingChange(
                 variable=min(rule.term.variables(), default=""),
                 condition=rule.text,

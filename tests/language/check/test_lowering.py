@@ -157,9 +157,9 @@ def test_plain_texts_are_in_double_quotes() -> None:
     assert python_text('say "no"') == "'say \"no\"'"
 
 
-def test_a_term_states_when_its_age_reaches_a_duration() -> None:
+def test_a_duration_age_is_compared_with_flips_at_run_time() -> None:
     world = World({name: True if name == "b1" else None for name in TYPES}, dict.fromkeys(TYPES, 4.0))
-    assert build_term(lower_text("age(b1) > 10 s")).next_change_in_s(world) == 6.0
+    assert build_term(lower_text("age(b1) > 10 s")).flips_s(world) == 6.0
 
 
 def test_numbers_without_a_unit_are_left_as_they_are_written() -> None:
