@@ -19,8 +19,8 @@ def paused_collector() -> Iterator[None]:
     """Pause the collector, which would traverse all values again and again as their number grows.
 
     Afterwards the new values, if they are many, belong to the old generation, so that the collector does not traverse
-    all of them at once. Python does not count values that get old in this way. So a program that only did this with few
-    values, such as with one small context after another, would never collect those that it no longer uses.
+    all of them at once. Python does not count values that get old in this way. So a program that creates many small
+    contexts one after another in this way would never collect the unused ones.
     Also works as a decorator: `@paused_collector()`.
     """
     was_enabled = gc.isenabled()

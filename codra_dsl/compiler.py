@@ -49,8 +49,8 @@ class Planned:
 
     Attributes:
         root: the folder to which all paths in findings are relative.
-        plans: a plan for each spec without an error that prevents planning, sorted by name. There is no plan for a spec
-            whose earlier result is used, and none after `lint_paths`.
+        plans: a plan for each spec without an error that prevents planning, sorted by name. A spec whose earlier result
+            is used has no plan, and `lint_paths` makes no plans.
         diagnostics: the findings after triage, in file order, without duplicates.
         files: the files of the specs and their parts, relative to the root; `specs` has the files of the specs alone.
         modules: files of Python modules and of trees that were read or were missing, relative to the root.

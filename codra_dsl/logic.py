@@ -1,6 +1,6 @@
 """Three-valued logic and arithmetic over context: the meaning of conditions, for the checker and at run time alike.
 
-The unknown value is None, which is not the same as False (P1, section 3.3: a flag tells whether a value is known).
+The unknown value is None, which is not the same as False (P1, section 3.3: a flag states whether a value is known).
 `and`, `or` and `not` are Kleene's: if the result is the same for every possible value of the unknown input, the result
 is known. NaN, division by zero, overflow and absent optional values are unknown. An infinite value may be compared, but
 the result of arithmetic is unknown if it is not finite.
@@ -490,4 +490,4 @@ class _FirstOf(Term):
 Conjunction = _Conjunction
 Disjunction = _Disjunction
 Choice = _Choice
-"""The terms whose value one of several parts may decide, for code that finds this part."""
+"""Terms with several parts, one of which may decide the value; public for code that finds this part."""

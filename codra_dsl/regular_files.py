@@ -1,7 +1,7 @@
 """Read and replace files in folders that a repository or a stranger may have filled.
 
 Only regular files are read, and at most a stated number of bytes. A file is replaced completely or not at all. A
-project can contain a link to `/dev/zero`, a pipe that nobody writes to, or a file of any size. Reading such a file must
+project can contain a link to `/dev/zero`, a pipe without a writer, or a file of any size. Reading such a file must
 neither block nor fill the memory, and opening a device can have effects. All code of codra that reads files of a
 project reads them with `read_regular_file`.
 """
@@ -46,7 +46,7 @@ def read_regular_file(path: Path | str, max_bytes: int, *, within: Path | None =
         OSError: if the file cannot be read. `filename` names the file for this and the other errors.
     """
     data = _read_checked(path, max_bytes + 1, within, max_size=max_bytes)
-    _require_size(len(data), max_bytes, path)  # some files of the system have more bytes than their size says
+    _require_size(len(data), max_bytes, path)  # some files of the system have more bytes than their size states
     return data
 
 
@@ -58,7 +58,7 @@ def read_beginning(path: Path | str, byte_count: int, *, within: Path | None = N
 def replace_file(path: Path, data: bytes) -> None:
     """Replace a file completely or not at all. A link at the path is replaced, not followed.
 
-    The data are written to a temporary file in the same folder, with a name that nobody can predict. The new file gets
+    The data are written to a temporary file in the same folder, with an unpredictable name. The new file gets
     the owner and the permissions of the regular file that it replaces; if there is none, it gets the permissions that
     every new file of the process gets.
 

@@ -34,7 +34,7 @@ def test_of_a_larger_file_the_beginning_can_be_read(tmp_path: Path) -> None:
     assert [read_beginning(tmp_path / "file", count) for count in (0, 2, 4)] == [b"", b"ab", b"abc"]
 
 
-def test_a_file_that_has_more_bytes_than_its_size_says_is_refused() -> None:
+def test_a_file_that_has_more_bytes_than_its_size_states_is_refused() -> None:
     assert Path("/proc/self/status").stat().st_size == 0
 
     with pytest.raises(TooLargeError):

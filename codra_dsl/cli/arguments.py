@@ -1,8 +1,8 @@
 """Convert the arguments of commands without pydantic.
 
 typer imports pydantic to convert any argument, which takes a tenth of the time of `codra lint`. So the arguments of
-most calls are converted here. All others, and all that are wrong, are left to typer, which gives the same values and
-reports the mistakes.
+most calls are converted here. typer handles all other arguments and all invalid ones: it gives the same values, and
+reports mistakes.
 """
 
 from __future__ import annotations

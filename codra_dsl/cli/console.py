@@ -180,7 +180,7 @@ def choose_format(requested_format: Format | None, output: Path | None = None) -
 
 
 def text_for_log(text: str) -> str:
-    """Return a text for standard output. In GitHub Actions, replace what the runner would recognise as a command."""
+    """Return a text for standard output. In GitHub Actions, replace texts that the runner would read as commands."""
     if not _in_github_actions():
         return text
     from codra_dsl.tooling.report.github import escape_commands

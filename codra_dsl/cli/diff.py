@@ -1,4 +1,4 @@
-"""`codra diff`: report what a change of specs means for a robot and its programs."""
+"""`codra diff`: report the effects of a change of specs on a robot and its programs."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def diff_command(
     allow: AllowOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Report what a change of specs means for a robot.
+    """Report the effects of a change of specs on a robot.
 
     The report lists each change, such as a variable that is unobservable, slower or of another type in B, a cycle, or a
     weaker guard. It ends with a verdict.

@@ -36,7 +36,7 @@ ToOption = Annotated[
 
 
 class ResultFormat(StrEnum):
-    """The formats of what a command finds in a journal."""
+    """The formats in which commands show the content of a journal."""
 
     TEXT = "text"
     JSON = "json"

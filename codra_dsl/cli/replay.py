@@ -83,7 +83,7 @@ _PREVIEW_CHANGES: Mapping[str, str] = {
     "lost": "answered only in the run",
     "other_value": "with another outcome",
 }
-"""What the counts of decisions and of previews mean, for those that differ from the run."""
+"""Texts for the counts of decisions and of previews whose answers differ from the run."""
 _REPLAY_ERRORS = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, AssertionError)
 """The errors of journals that no run has written, and of packages that cannot follow a journal."""
 

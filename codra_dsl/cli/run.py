@@ -54,7 +54,7 @@ class _RunCommand(QuickCommand):
     """The command `run`, with the options of the world that its arguments name."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
-        """Parse the arguments with the options of the world. Without a world, parse only the options of every world."""
+        """Parse the arguments with the options of the world, or else with the options that all worlds have."""
         world_name = _world_name_in(args)
         entry_point = find_plugins(WORLDS_GROUP).get(world_name or "")
         if world_name is None or entry_point is None:

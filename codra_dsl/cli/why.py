@@ -86,7 +86,7 @@ def why_command(
         ResultFormat, typer.Option("--format", help="The format of the explanation.")
     ] = ResultFormat.TEXT,
 ) -> None:
-    """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
+    """Explain why a variable had its value, back to its evidence, or why it was unknown: the missing conditions."""
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.why.values import instant_text
 

@@ -20,7 +20,7 @@
     21        PROCESS_CONTEXT_VARIABLE(c'_i, F, M)
     23      F <- F + {O_i}
 
-`plan` decides only which trees exist, what each tree contains, and what everything is called in Python. The paper
+`plan` decides only which trees exist, the content of each tree, and what everything is called in Python. The paper
 describes one variable and one algorithm per tree, but its text allows more (section 3.2, Figure 4C), and so does
 `plan`. Variables of one algorithm share a tree. Algorithms that share a variable are alternatives in one tree, tried by
 rank. Trees with the same conditions are joined if `observers` names their variables together.

@@ -374,7 +374,7 @@ def _remove(paths: Iterable[str], out: Path) -> None:
 
 
 def _inaccessible_finding(error: OSError, out: Path, verb: str) -> Diagnostic:
-    """Return the finding about an inaccessible path; the output folder stands for its temporary files."""
+    """Return the finding about an inaccessible path; for temporary files, the path is the output folder."""
     failed_path = Path(error.filename2 or error.filename or out)
     if any(part.startswith(_STAGING_PREFIX) for part in failed_path.parts):
         failed_path = out

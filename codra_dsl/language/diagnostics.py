@@ -179,7 +179,7 @@ class Diagnostic:
 
     Attributes:
         path: the path of the element within the spec, e.g. `skills.open_door.monitor`; it contains no line number.
-        help: how to fix the mistake, in one sentence; empty only if the message already says how.
+        help: how to fix the mistake, in one sentence; empty only if the message already states how.
         fix: the fix as edits, if a tool can apply them.
         level: the severity from the project's settings, which replaces the severity of the rule; None if not set.
         use_findings: the finding of each use, if several uses of a template lead to the same finding about the

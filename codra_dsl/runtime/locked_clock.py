@@ -150,9 +150,9 @@ class LockedClock(Clock):
 
 
 class _LockedTimer(Timer):
-    """An event of a `LockedClock`. Whoever cancels it holds the lock.
+    """An event of a `LockedClock`. The lock is held while it is cancelled.
 
-    A cancelled event is no step. If it is due already, it stays a step, without an effect: a replay, which does not
+    A cancelled event is not a step. If it is due already, it stays a step, without an effect: a replay, which does not
     know when a thread got the lock, makes the same steps.
     """
 

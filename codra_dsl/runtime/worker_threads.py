@@ -11,14 +11,14 @@ from queue import Empty, SimpleQueue
 from codra_dsl.runtime.forks import new_lock
 
 _Inbox = SimpleQueue[Callable[[], object] | None]
-"""What the next function of one thread is put into; None ends the thread."""
+"""The queue with the next function of one thread; None ends the thread."""
 
 IDLE_S = 10.0
 """How long a thread waits for the next function before it ends."""
 
 
 class WorkerThreads:
-    """Runs each function at once, in a thread that has none to run; if there is no such thread, in a new one.
+    """Runs each function at once, in an idle thread, or in a new thread if none is idle.
 
     So a function that hangs delays no other function. The threads are daemons, so it does not delay the end of the
     process either. Starting a thread takes several times as long as giving a function to a waiting thread.

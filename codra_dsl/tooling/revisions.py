@@ -318,7 +318,7 @@ def _may_matter(mode: bytes, name: bytes) -> bool:
 
 
 def _write_file(entry: _Entry, target_folder: Path, data: bytes | None) -> None:
-    """Write a file of a revision; None stands for a file that is too large."""
+    """Write a file of a revision; None means a file that is too large."""
     target = target_folder / entry.path
     try:
         if len(entry.path.parts) > MAX_DEPTH:

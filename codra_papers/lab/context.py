@@ -1,4 +1,4 @@
-"""The calls that the main execution of the laboratory makes to its context, whatever object answers them."""
+"""The calls that the main execution of the laboratory makes to its context, which any object can answer."""
 
 from __future__ import annotations
 

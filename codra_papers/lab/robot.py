@@ -1,7 +1,7 @@
 """The robot's body: it drives, looks and manipulates. Every action takes time and moves the camera.
 
-An action changes only what the hand really moves: if the robot pulls at a locked lid, the lid stays closed. Sometimes a
-lever or a lid slips from the hand. The robot gets no report of success or failure, so it has to look.
+An action changes only the parts that the hand really moves: if the robot pulls at a locked lid, the lid stays closed.
+Sometimes a lever or a lid slips from the hand. The robot gets no report of success or failure, so it has to look.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from codra_papers.lab.simulator.world import (
     Path,
     Quantity,
     Values,
-    straight,
+    straight_path,
 )
 
 
@@ -486,7 +486,7 @@ def _station_pose(machine: Machine) -> Pose:
 
 def _angle_path(from_rad: float, to_rad: float, *, slips: bool) -> Path:
     """Return the path of a part's angle. A part that slips stops after `SLIP_SHARE` of the path."""
-    full_path = straight((from_rad,), (to_rad,))
+    full_path = straight_path((from_rad,), (to_rad,))
     return (lambda progress: full_path(min(progress, SLIP_SHARE))) if slips else full_path
 
 

@@ -156,7 +156,7 @@ def _nearest(grid: nx.Graph[Point], point_m: Point) -> Point | None:
 
 
 def _straightened(start_m: Point, points_m: Sequence[Point], avoid: Sequence[Disc]) -> list[Point]:
-    """Return the corners of a route. From each corner, the next is as far as a straight way can lead."""
+    """Return the corners of a route. Each next corner is the farthest point to which the robot can drive straight."""
     corners, corner, index = list[Point](), start_m, 0
     while index < len(points_m):
         farthest = index

@@ -61,7 +61,7 @@ def test_a_journal_with_a_name_that_no_spec_can_have_is_a_usage_error(name: str,
     assert "which is not a name: use --package or --spec" in " ".join(process.stderr.replace("│", " ").split())
 
 
-def test_a_replay_says_what_it_runs_before_it_runs(tmp_path: Path) -> None:
+def test_a_replay_names_its_package_before_it_runs_the_package(tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
     project = make_forged_project(tmp_path, "shop")
     (project / "generated/shop/__init__.py").write_text("raise SystemExit(3)\n")

@@ -513,7 +513,7 @@ def preview_status(values: Mapping[str, Value | None], **arguments: Any) -> tupl
         return status, tree.root.feedback_message
 
 
-def test_a_preview_succeeds_fails_or_has_the_chosen_status_and_says_why() -> None:
+def test_a_preview_succeeds_fails_or_has_the_chosen_status_and_states_the_reason() -> None:
     unknown = {**HOLDS, "gap": None}
 
     assert preview_status(HOLDS) == (Status.SUCCESS, "holds")

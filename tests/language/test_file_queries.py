@@ -87,7 +87,7 @@ CHANGES: Mapping[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_each_change_of_what_was_asked_changes_an_answer(folder: Path, change: str) -> None:
+def test_a_change_of_a_queried_file_changes_an_answer(folder: Path, change: str) -> None:
     with recorded_queries() as answers:
         _ask_all(folder)
     assert PresentAnswers().agree_with(answers)

@@ -80,7 +80,7 @@ def _read_value(text: str, variable: str, value_type: ValueType) -> bool | int |
     """
     if value_type.kind == "bool":
         if text.casefold() not in _TRUTH_VALUES:
-            raise ValueError(f"'{text}' is no value of '{variable}': write true or false")
+            raise ValueError(f"'{text}' is not a value of '{variable}': write true or false")
         return _TRUTH_VALUES[text.casefold()]
     if value_type.kind in ("str", "enum"):
         return text
@@ -104,7 +104,7 @@ def _read_number(text: str, variable: str, unit_text: str | None) -> int | float
         raise ValueError(_not_a_number_text(text, variable, unit_text))
     if unit is None or quantity.unit.dimension != unit.dimension:
         unit_help = f"its unit is {unit_text}" if unit_text else f"it has no unit, so write {quantity.value}"
-        raise ValueError(f"'{text}' is no value of '{variable}': {unit_help}")
+        raise ValueError(f"'{text}' is not a value of '{variable}': {unit_help}")
     return convert(quantity.value, quantity.unit, unit)
 
 
@@ -116,4 +116,4 @@ def _not_a_number_text(text: str, variable: str, unit_text: str | None) -> str:
     match = re.fullmatch(rf"({_NUMBER.pattern})\s*(\S.*)", text)
     if match is not None and unit_text:
         return f"'{match[2]}' is not a unit: {units_help(match[2])}"
-    return f"'{text}' is no value of '{variable}': write a number{f' in {unit_text}' if unit_text else ''}"
+    return f"'{text}' is not a value of '{variable}': write a number{f' in {unit_text}' if unit_text else ''}"

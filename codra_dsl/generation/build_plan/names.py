@@ -64,8 +64,8 @@ _PYTHON_NAMES = frozenset(_PYTHON_NAMES_TEXT.split())
 def python_name(text: str, taken_names: frozenset[str]) -> str:
     """Return an identifier of the language as a name in Python that is not a keyword, a builtin, or in `taken_names`.
 
-    A keyword, builtin or taken name gets an underscore at its end. A name that consists of such a name and underscores
-    after it gets one more underscore, so that different names stay different.
+    A keyword, builtin or taken name gets an underscore at its end. If a name is such a name followed by underscores, it
+    gets one more underscore, so that different names stay different.
     """
     stem = text.rstrip("_")
     return f"{text}_" if stem in taken_names or stem in _PYTHON_NAMES else text

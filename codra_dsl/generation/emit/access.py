@@ -53,7 +53,7 @@ class _Shape:
     Attributes:
         typed_argument: for variables of one type, the argument after `name`; its type depends on the type of the
             variables.
-        fallback_argument: the same argument for variables of any type: it accepts only what fits all types.
+        fallback_argument: the same argument for variables of any type: it accepts only values that fit all types.
         implementation_argument: the same argument in the definition that follows several signatures.
         other_arguments: further arguments, with their defaults.
         return_type: the return type for variables of one type.

@@ -4,7 +4,7 @@ The signatures are for editors and type checkers, which find wrong names and wri
 the robot moves. At run time, classes of the runtime are used instead. They refuse the same names and writes.
 
 A method of an agent's handle accepts fewer names than the method that it overrides, so mypy refuses the override. The
-first line of each handle therefore tells mypy to accept it.
+first line of each handle therefore makes mypy accept it.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ FORMAT_VERSION = 1
 
 # The place of an element and its parsed form are not part of a spec's meaning.
 _FIELDS_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
-# Conduct is digested with the knowledge, these fields of variables are digested with the loops or derivations, and the
-# others only if they are stated, so that the digests of other specs stay the same.
+# Conduct is digested with the knowledge, and these fields of variables with the loops or derivations. The other fields
+# are digested only if they are stated, so that the digests of specs without them stay the same.
 _SEPARATELY_DIGESTED_FIELDS = frozenset(
     {
         (Agent, "conduct"),

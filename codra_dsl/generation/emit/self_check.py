@@ -20,7 +20,7 @@ _MISLEADING_MARKS = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrR
 """If one of these marks is left after plain strings are removed, a removed match may not have been a plain string."""
 
 _WORDS_ACROSS_PIECES = ("__future__", "global")
-"""Words of statements whose validity in one piece depends on other pieces."""
+"""Words of statements that can be valid or invalid depending on other pieces."""
 
 _CHOSEN_NAME_PATTERNS = tuple(
     re.compile(before + r"([A-Za-z][A-Za-z0-9_]*)\b") for before in ("\ndef ", r"branch\(", "build=")

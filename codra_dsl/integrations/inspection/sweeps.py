@@ -34,7 +34,7 @@ _NAME_AND_VALUE = re.compile(r"((?:[<>=!]=|[^=])*)(=?)(.*)", re.DOTALL)
 
 
 class SweepError(ValueError):
-    """A sweep is not possible as requested; the message names what is possible."""
+    """A sweep is not possible as requested; the message names the possible values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +162,7 @@ def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None
 
 
 def needed(subject: Subject, values: Mapping[str, Value | None], given_names: Sequence[str]) -> dict[str, Value | None]:
-    """Return the values without those inputs that only a derived variable reads whose value is given or varied."""
+    """Return the values without inputs that are read only by derived variables with a given or varied value."""
     derived_names = subject.read_names.difference(given_names)
     names = subject.read_names.union(given_names, *map(subject.inputs_of, derived_names))
     return {name: value for name, value in values.items() if name in names}
@@ -172,7 +172,7 @@ def check_given(subject: Subject, given_names: Sequence[str]) -> None:
     """Check that no value is given for a derived variable together with a value of one of its inputs.
 
     Raises:
-        SweepError: if this is so; then the values could contradict each other.
+        SweepError: if such values are given, because they could contradict each other.
     """
     for name in given_names:
         given_input = next((other for other in given_names if other in subject.inputs_of(name)), None)

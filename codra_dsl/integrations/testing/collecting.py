@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class TimelineFile(pytest.File):
-    """A file whose name says that it is a timeline."""
+    """A file with the name of a timeline."""
 
     _timeline_and_package: tuple[Timeline, Package] | None = None
     _is_wrong = False

@@ -43,7 +43,7 @@ class StoryLoops:
 
 
 class StatedRobot:
-    """Provides actions that return what a story states.
+    """Provides actions that return the results that a story states.
 
     Attributes:
         behaviours: the present behaviors by leaf; every other leaf runs until it is halted.

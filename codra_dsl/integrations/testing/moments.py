@@ -9,6 +9,7 @@ from typing import Any
 from codra_dsl.integrations.testing.package import Package
 from codra_dsl.integrations.testing.placements import PlacementReader
 from codra_dsl.integrations.testing.timeline import (
+    AgentValues,
     Alteration,
     Behaviour,
     Belief,
@@ -25,7 +26,6 @@ from codra_dsl.integrations.testing.timeline import (
     Overriding,
     PreviewCheck,
     RunningCheck,
-    Saying,
     Step,
     Verb,
 )
@@ -88,7 +88,7 @@ class MomentReader:
             place=self._place(key),
             changes=(
                 *read_section("resources", self._alterations),
-                *read_section("agents", self._sayings),
+                *read_section("agents", self._agent_values),
                 *read_section("perception", self._behaviours),
                 *read_section("overrides", self._overrides),
                 *read_section("poses", self._placements.changes),
@@ -118,15 +118,15 @@ class MomentReader:
                 }
                 yield Alteration(resource=key.text, attributes=attributes, place=self._place(key))
 
-    def _sayings(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
+    def _agent_values(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
         for key, value in self.declared_entries(node, "agent", steps):
             if isinstance(value, MappingNode):
                 names = [name for name, variable in self._variables.items() if key.text in variable.sources]
                 problem = f"agent '{key.text}' is not a source of"
                 values = dict(self._values(value, names, problem, (*steps, key.text)))
-                yield Saying(agent=key.text, values=values, place=self._place(key))
+                yield AgentValues(agent=key.text, values=values, place=self._place(key))
             elif not value.reported:
-                yield Saying(agent=key.text, values=None, place=self._place(key))
+                yield AgentValues(agent=key.text, values=None, place=self._place(key))
 
     def _behaviours(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
         problem = f"no observer of spec {shown(self._package.model.name)} runs"

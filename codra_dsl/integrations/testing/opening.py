@@ -45,7 +45,7 @@ def read_valid_timeline(path: Path) -> tuple[Timeline, Package]:
 def open_run(
     timeline: Timeline, package: Package, story: str | None, *, clock: SimClock, resources: Mapping[str, object]
 ) -> Run:
-    """Return a story of a timeline, ready to run; None stands for the only story.
+    """Return a story of a timeline, ready to run; None means the only story.
 
     Raises:
         ValueError: if the timeline has no such story.

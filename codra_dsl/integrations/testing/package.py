@@ -35,7 +35,7 @@ class PackageError(Exception):
     """There is no compiled spec of this name that is up to date and can be imported.
 
     Attributes:
-        message: what is wrong.
+        message: the problem.
         help: how to fix it.
     """
 

@@ -95,7 +95,7 @@ class _TimelineReader:
             spec=name,
             seed=reader.number("seed", 0),
             handles=tuple(self._handles()),
-            repeat_intervals_s=dict(self._speakers()),
+            repeat_intervals_s=dict(self._repeat_intervals()),
             stories=tuple(self._stories()),
         )
 
@@ -105,7 +105,7 @@ class _TimelineReader:
             if handle is not None:
                 yield handle
 
-    def _speakers(self) -> Iterator[tuple[str, float]]:
+    def _repeat_intervals(self) -> Iterator[tuple[str, float]]:
         for key, reader in self._readers("agents", "agent"):
             repeat_interval_s = reader.duration_s("every", 0.0)
             if repeat_interval_s > 0:

@@ -12,8 +12,9 @@ from codra_dsl.integrations.testing.checks import Failure, failures_of, failures
 from codra_dsl.integrations.testing.handles import alter, make_stated_handle
 from codra_dsl.integrations.testing.loops import StoryLoops
 from codra_dsl.integrations.testing.package import Package
-from codra_dsl.integrations.testing.script import Script, Speakers
+from codra_dsl.integrations.testing.script import Script, StoryAgents
 from codra_dsl.integrations.testing.timeline import (
+    AgentValues,
     Alteration,
     Behaviour,
     Change,
@@ -24,7 +25,6 @@ from codra_dsl.integrations.testing.timeline import (
     LoopSwitch,
     Moment,
     Overriding,
-    Saying,
     Step,
     Story,
     Timeline,
@@ -195,14 +195,14 @@ class Run:
             find=self._script.function_for,
             knowledge=self._package.knowledge,
         )
-        speakers = Speakers(self.codra, clock, self._timeline.repeat_intervals_s, self._refusals_at)
+        story_agents = StoryAgents(self.codra, clock, self._timeline.repeat_intervals_s, self._refusals_at)
         self._loops = StoryLoops(self.codra, self._package.mape, clock)
         for moment in self._story.moments:
             if moment.at_s > 0:
                 # The world changes after all other events at an instant, so a look that starts then sees the old state.
-                clock.call_last_at(self._start_s + moment.at_s, partial(self._apply_changes, moment, speakers))
+                clock.call_last_at(self._start_s + moment.at_s, partial(self._apply_changes, moment, story_agents))
             else:
-                self._apply_changes(moment, speakers)
+                self._apply_changes(moment, story_agents)
         return self.codra
 
     def _make_handles(self) -> None:
@@ -219,17 +219,17 @@ class Run:
         resources = [resource for resource in self._package.model.resources if resource.name in needed_handles]
         self.resources.update(with_site_handles(resources, self.resources, self.clock))
 
-    def _apply_changes(self, moment: Moment, speakers: Speakers) -> None:
+    def _apply_changes(self, moment: Moment, story_agents: StoryAgents) -> None:
         """Apply the changes of the world at a moment."""
         __tracebackhide__ = True
         for change in moment.changes:
             with self._refusals_at(change):
-                self._apply(change, speakers)
+                self._apply(change, story_agents)
 
-    def _apply(self, change: Change, speakers: Speakers) -> None:
+    def _apply(self, change: Change, story_agents: StoryAgents) -> None:
         match change:
-            case Saying():
-                speakers.say(change)
+            case AgentValues():
+                story_agents.apply(change)
             case Behaviour():
                 self._script.change(change)
             case Overriding():
@@ -239,7 +239,7 @@ class Run:
             case Alteration():
                 alter(self.resources.get(change.resource), change)
             case GraphChange():
-                speakers.change_graph(change)
+                story_agents.change_graph(change)
             case LoopSwitch():
                 self._loops.switch(change)
             case LeafBehaviour():
@@ -252,7 +252,7 @@ class Run:
         try:
             yield
         except (LookupError, ValueError, PermissionError, RuntimeError) as error:
-            if not isinstance(change, (Saying, GraphChange, LoopSwitch)):
+            if not isinstance(change, (AgentValues, GraphChange, LoopSwitch)):
                 raise
             refuses = "the loop cannot run" if isinstance(change, LoopSwitch) else "the graph does not allow this"
             message = f"{refuses}: {type(error).__name__}: {error}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from codra_dsl.integrations.testing.timeline import Behaviour, Fault, GraphChange, Saying
+from codra_dsl.integrations.testing.timeline import AgentValues, Behaviour, Fault, GraphChange
 from codra_dsl.language.model import Literal
 from codra_dsl.runtime import Clock, ContextManager, Job
 from codra_dsl.runtime.clock import Timer
@@ -178,7 +178,7 @@ def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> o
     return {**returned_value, **garbage} if isinstance(returned_value, Mapping) else garbage
 
 
-class Speakers:
+class StoryAgents:
     """The agents of a story: they write values, repeat their last values, and fall silent."""
 
     def __init__(
@@ -186,7 +186,7 @@ class Speakers:
         codra: ContextManager[Any, Any],
         clock: Clock,
         repeat_intervals_s: Mapping[str, float],
-        refusals_at: Callable[[Saying | GraphChange], AbstractContextManager[None]],
+        refusals_at: Callable[[AgentValues | GraphChange], AbstractContextManager[None]],
     ) -> None:
         """Write to a context manager.
 
@@ -194,27 +194,27 @@ class Speakers:
             codra: the context manager.
             clock: the clock of the story.
             repeat_intervals_s: how often agents repeat their values and edges.
-            refusals_at: reports a repetition that is refused, at the place of what is repeated.
+            refusals_at: reports a repetition that is refused, at the place of the repetition.
         """
         self._codra = codra
         self._types = {variable.name: variable.type for variable in codra.model.variables}
         self._clock = clock
         self._repeat_intervals_s = repeat_intervals_s
         self._refusals_at = refusals_at
-        self._last_sayings: dict[str, Saying] = {}
+        self._last_values: dict[str, AgentValues] = {}
         self._last_edges: dict[str, dict[tuple[str, ...], GraphChange]] = {}
         self._inserting_agents: dict[str, str] = {}
         self._timers: dict[str, Timer] = {}
 
-    def say(self, saying: Saying) -> None:
+    def apply(self, agent_values: AgentValues) -> None:
         """Let an agent write values, or fall silent."""
-        agent = saying.agent
+        agent = agent_values.agent
         if agent in self._timers:
             self._timers.pop(agent).cancel()
-        if saying.values is not None:
-            before = self._last_sayings.get(agent, saying).values or {}
-            self._last_sayings[agent] = replace(saying, values={**before, **saying.values})
-            self._write(saying)
+        if agent_values.values is not None:
+            before = self._last_values.get(agent, agent_values).values or {}
+            self._last_values[agent] = replace(agent_values, values={**before, **agent_values.values})
+            self._write(agent_values)
             self._repeat_later(agent)
 
     def change_graph(self, change: GraphChange) -> None:
@@ -253,15 +253,15 @@ class Speakers:
     def _repeat(self, agent: str) -> None:
         """Write the last values and edges of an agent again."""
         __tracebackhide__ = True
-        if agent in self._last_sayings:
-            with self._refusals_at(self._last_sayings[agent]):
-                self._write(self._last_sayings[agent])
+        if agent in self._last_values:
+            with self._refusals_at(self._last_values[agent]):
+                self._write(self._last_values[agent])
         for change in self._last_edges.get(agent, {}).values():
             with self._refusals_at(change):
                 self._write_edge(change)
         self._repeat_later(agent)
 
-    def _write(self, saying: Saying) -> None:
+    def _write(self, agent_values: AgentValues) -> None:
         """Write for an agent. This is possible whether or not the program has a handle of this agent."""
-        for name, value in (saying.values or {}).items():
-            self._codra.commands.write(name, self._types[name].convert(value), saying.agent, None)
+        for name, value in (agent_values.values or {}).items():
+            self._codra.commands.write(name, self._types[name].convert(value), agent_values.agent, None)

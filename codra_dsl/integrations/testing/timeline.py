@@ -17,7 +17,7 @@ from codra_dsl.runtime.observers.expectations import Outcome as ExpectationOutco
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Saying:
+class AgentValues:
     """The values that an agent writes; None means that the agent falls silent."""
 
     agent: str
@@ -129,7 +129,7 @@ class LeafBehaviour:
     takes_s: float = 0.0
 
 
-Change = Saying | Behaviour | Alteration | Overriding | Clearing | GraphChange | LoopSwitch | LeafBehaviour
+Change = AgentValues | Behaviour | Alteration | Overriding | Clearing | GraphChange | LoopSwitch | LeafBehaviour
 """A change in the world, or of a loop."""
 
 

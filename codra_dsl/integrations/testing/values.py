@@ -21,7 +21,7 @@ _TEXT_KINDS = ("enum", "str")
 def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str, unknown_help: str = "") -> Literal | None:
     """Return a node's value, in the unit of a type. If the value is not of this type, add a finding and return None.
 
-    `unknown_help` states how the timeline says that the value is unknown.
+    `unknown_help` states how a timeline expresses that the value is unknown.
     """
     if node.reported or not isinstance(node, ScalarNode):
         return None

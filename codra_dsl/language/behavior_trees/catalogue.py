@@ -10,7 +10,7 @@ from codra_dsl.language.frozen import dataclass
 
 
 class PortContent(StrEnum):
-    """What the port of a built-in node may contain."""
+    """The content that the port of a built-in node may have."""
 
     TEXT = "a text"
     INTEGER = "a whole number"

@@ -200,14 +200,16 @@ class _Checker:
         elif not _is_value_of(type_, attribute.value):
             self._report_unfit_value(attribute, f"a value of the type {type_}", "write one, or an entry {name}", path)
 
-    def _check_child_count(self, node: TreeNode, least: int, most: int | None, path: str) -> None:
+    def _check_child_count(self, node: TreeNode, min_count: int, max_count: int | None, path: str) -> None:
         count = len(node.children)
-        if least <= count and (most is None or count <= most):
+        if min_count <= count and (max_count is None or count <= max_count):
             return
-        expected_text = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
+        limit_text = f"{min_count} or more" if max_count is None else f"{min_count} to {max_count}"
+        expected_text = f"{min_count}" if min_count == max_count else limit_text
         message = f"'{node.id}' has {count or 'no'} {'child' if count == 1 else 'children'}, not {expected_text}"
-        help_text = "put them below one node, e.g. <Sequence>" if least == most == 1 else "add or remove nodes below it"
-        if most == 0:
+        is_decorator = min_count == max_count == 1
+        help_text = "put them below one node, e.g. <Sequence>" if is_decorator else "add or remove nodes below it"
+        if max_count == 0:
             help_text = "close the element at once: <.../>"
         self._findings.add("wrong-children", message, node.place, help=help_text, path=path)
 

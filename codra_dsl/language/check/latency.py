@@ -77,7 +77,7 @@ class _Look:
 
 
 def _look(spec: Spec, checked: CheckedAlgorithm, inputs: Mapping[str, Sequence[str]]) -> _Look:
-    """Return a look. The inputs of derived variables take part in what the look needs and waits for."""
+    """Return a look. The inputs of derived variables are among the variables that the look needs and waits for."""
     algorithm = checked.algorithm
     identifies = tuple(dict.fromkeys(variable for variable, _ in checked.identifies))
     needed_run_count = max((needed_of(entry) for entry in algorithm.identifies), default=1)

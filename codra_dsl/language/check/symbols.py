@@ -1,4 +1,4 @@
-"""The names of a spec: what it declares, and every place that uses a name.
+"""The names of a spec: its declarations, and every place that uses a name.
 
 The modules of single topics collect most uses, for their checks. This module adds the parameters of templates, the
 members of enums, and the words of fuzzy rules. Editors need all of them.

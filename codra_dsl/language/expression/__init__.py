@@ -1,6 +1,6 @@
 """The condition language and the patterns of knowledge: tokens, parsers, syntax trees, printer.
 
-This package only parses text; `check` decides what a condition or a pattern means.
+This package only parses text; `check` decides the meaning of conditions and patterns.
 """
 
 from codra_dsl.language.expression.derivations import (

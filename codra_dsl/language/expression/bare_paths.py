@@ -1,4 +1,4 @@
-"""Paths of the knowledge graph in conditions, where they can stand only in `exists` and `count`."""
+"""Paths of the knowledge graph in conditions, where only `exists` and `count` accept them."""
 
 from __future__ import annotations
 

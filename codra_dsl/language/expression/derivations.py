@@ -64,7 +64,7 @@ def distances_in(tree: Node) -> Iterator[Name]:
 
 
 def is_distance(name: Name) -> bool:
-    """Return whether a name stands for the number of a distance."""
+    """Return whether a name is that of a distance as a number."""
     return isinstance(name.pose_comparison, Name) and reads_of(name.pose_comparison.name)[0] == "distance"
 
 
@@ -102,13 +102,13 @@ def _mask_counts(text: str) -> tuple[str, dict[int, Count]]:
 
 
 def _with_implicit_names(part: Node, counts: dict[int, Count]) -> Node:
-    """Return a part of an expression in which everything that the graph determines is the name of a variable.
+    """Return a part of an expression, with names of variables in place of everything that the graph determines.
 
     Raises:
         ExpressionError: if the part uses the age of something that the graph determines.
     """
     if isinstance(part, Call) and part.function == "age" and not _reads_context(part.arguments[0], counts):
-        help_text = "remove age(): what is too old in the knowledge graph is unknown"
+        help_text = "remove age(): a value in the knowledge graph that is too old is unknown"
         raise ExpressionError("age() needs the name of a context-variable", part.start, part.end, help_text)
     if isinstance(part, Compare | In | Call) and _reads_only_poses(part, counts):
         return comparison_name(part)

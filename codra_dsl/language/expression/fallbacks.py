@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from codra_dsl.language.expression.tree import And, Choice, Compare, Fallback, In, Node, Not, Or, walk
 
 
-def meant_fallbacks(tree: Node) -> Iterator[tuple[int, int]]:
+def intended_fallbacks(tree: Node) -> Iterator[tuple[int, int]]:
     """Yield the start and the end of each `x else y` with only those operands that belong to it, in text order."""
     for part in walk(tree):
         match part:

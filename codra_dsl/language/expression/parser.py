@@ -12,7 +12,7 @@ from dataclasses import replace
 from enum import IntEnum
 
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.expression.fallbacks import meant_fallbacks
+from codra_dsl.language.expression.fallbacks import intended_fallbacks
 from codra_dsl.language.expression.tokens import (
     FUNCTIONS,
     WORDS,
@@ -125,7 +125,7 @@ def parse(text: str, *, allows_fallback: bool = False, reads_context: bool = Fal
         return replace(error.problem, help=f"write '{choice}'") if is_choice else error.problem
     if allows_fallback or "else" not in text:
         return tree
-    start, end = next(meant_fallbacks(tree), (0, 0))
+    start, end = next(intended_fallbacks(tree), (0, 0))
     return tree if start == end else _misplaced_fallback(text, start, end, reads_context)
 
 

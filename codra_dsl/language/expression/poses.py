@@ -184,7 +184,7 @@ def _replace_comparisons(value: Node) -> Node:
 
 
 def comparison_name(part: Compare | In | Call | Name) -> Name:
-    """Return the name that stands for a comparison with poses.
+    """Return the name of the variable for a comparison with poses.
 
     Raises:
         ExpressionError: if the part is not a comparison, or reads something other than poses.

@@ -23,7 +23,7 @@ JOB = "job"
 """The argument that every perception function gets."""
 
 CLOCK = "clock"
-"""The argument that what makes a handle gets, if it takes it."""
+"""The argument with the clock, for classes and functions that make handles and have this parameter."""
 
 
 @dataclass(frozen=True, slots=True)

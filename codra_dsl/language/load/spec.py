@@ -171,7 +171,7 @@ def _site(
     elements: Elements,
     damaged_names: Mapping[str, frozenset[str]],
 ) -> Site:
-    """Return what a site states; report the names in it that the spec does not have."""
+    """Return the values that a site states; report the names in it that the spec does not have."""
     names_by_section = {section: [*names] for section, names in elements.elements_by_section.items()}
     names_by_section["use"] = [key.text for part in parts.documents for key, _ in entries(part.section("use"))]
     overlay.report_unknown_names(parts.documents[0].subject, names_by_section, damaged_names)

@@ -222,7 +222,7 @@ class Rate:
         of: the other variable.
         over_s: the time over which the rate or the share is computed, or for which the bool must have been true.
         is_falling: whether a decreasing value has a positive rate.
-        kind: what is computed.
+        kind: the kind of the computed value.
     """
 
     of: Reference
@@ -268,8 +268,8 @@ class Variable:
         rate: set if loops compute the variable from the history of another variable.
         is_derived: whether another element implies the variable: its value is then a metric, a weight, a course or the
             result of a comparison with poses.
-        pose_condition: what the knowledge graph determines, if that is the value of the variable: the result of a
-            comparison with poses, a distance, or a count of paths.
+        pose_condition: the comparison with poses, the distance, or the count of paths that is the value of the
+            variable; None for any other variable.
         derived: the expression over other variables from which the value follows; None for other variables.
         resolution_m: the step to which the distances in `derived` are rounded; None if it is not stated.
         places: the places of the entries, by key (`valid_for`, `source`, ...); `name` is the place of the variable's
@@ -298,7 +298,7 @@ class Variable:
 
     @property
     def is_computed(self) -> bool:
-        """Whether the value follows from the graph or from other variables, so that nobody writes the variable."""
+        """Whether the value follows from the graph or from other variables, so that the variable has no writer."""
         return self.pose_condition is not None or self.derived is not None
 
 
@@ -432,7 +432,7 @@ class Expectation:
     """An entry of `monitor`: a name alone, `NAME becomes VALUE within D`, or `NAME stays VALUE`.
 
     Attributes:
-        condition: what is expected of the variable, e.g. `x == true` for `x becomes true`; None for a name alone.
+        condition: the expected condition, e.g. `x == true` for `x becomes true`; None for a name alone.
     """
 
     variable: Reference

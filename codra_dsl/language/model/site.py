@@ -1,4 +1,4 @@
-"""A site: the values of a spec that differ in one place where the robot works."""
+"""Sites: each states which values of a spec differ at one place where the robot works."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Handle:
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """What a site's file states about a spec.
+    """The values that a site's file states for a spec.
 
     Attributes:
         file: the site's file, relative to the project root.

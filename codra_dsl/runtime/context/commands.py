@@ -56,7 +56,7 @@ class Commands:
 
     Attributes:
         decision_context: the present context, as decisions read it.
-        declarations: the variables that are declared, and by whom.
+        declarations: the declared variables, with the holders of their declarations.
         is_closed: whether the context manager is closed.
     """
 
@@ -167,7 +167,7 @@ class Commands:
                 raise RuntimeError("a skill that has ended cannot act: begin it again")
             _caller, skill = self._skills_under_way[number]
             self._record_input("act", number=number)
-            with self._store.derivations.together():
+            with self._store.derivations.deferred():
                 for variable in skill.changes:
                     self._store.invalidate(variable, skill.name, MAIN)
             self._event_triggers.act(number, skill.changes)
@@ -276,7 +276,7 @@ class Commands:
             return decision
 
     def ask_preview(self, request: PreviewRequest) -> Preview:
-        """Return a new preview. If context decides it, or nobody can wait or look for it, it is answered at once."""
+        """Return a new preview. If context decides it, or if no wait or look can decide it, it is answered at once."""
         with self._clock:
             number, now_s, skill = self._next_decision_number(), self._clock.now_s(), self._skills[request.skill]
             preview = Preview(number=number, name=skill.name, asked_s=now_s, request=request, skill=skill)
@@ -311,7 +311,7 @@ class Commands:
                 self._store.write(self._reading_of(decision.name, content, MAIN, None, decision.looked_s))
 
     def record_look(self, preview: Preview, variable: str, content: Value | None) -> None:
-        """Record what the main execution found for a variable, and answer the preview if it is decided now.
+        """Record the value that the main execution found for a variable, and answer the preview if it is decided now.
 
         The value is kept under the conditions under which a decision on the variable would keep it.
         """
@@ -399,7 +399,7 @@ class Commands:
         return self._decision_count
 
     def _may_keep(self, name: str, looked_s: float) -> bool:
-        """Return whether what was found by a look may be kept: not if a skill has acted since the look began."""
+        """Return whether the value from a look may be kept: not if a skill has acted since the look began."""
         return looked_s >= self._store.cells[name].invalidated_s and self._may_write(name)
 
     def _may_write(self, name: str) -> bool:
@@ -409,7 +409,7 @@ class Commands:
     def _reading_of(
         self, name: str, content: Value | None, writer: str, evidence_s: float | None, start_s: float | None = None
     ) -> Reading[Value]:
-        """Return what a program wrote or found; an unknown reading if it found no value."""
+        """Return the reading that a program wrote or found; an unknown reading if it found no value."""
         now_s = self._clock.now_s()
         if evidence_s is None:
             evidence_s = now_s

@@ -138,7 +138,7 @@ class Components:
         return f"only {' or '.join(variable.sources)} may write it" if obstacle is None else obstacle
 
     def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:
-        """Return a reading with a detail that says why the variable cannot be observed now.
+        """Return a reading with a detail that states why the variable cannot be observed now.
 
         The detail is added only if the variable was never observed or is stale, and the reading has no detail yet.
         """

@@ -213,7 +213,7 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
     def get(self, name: VariableName) -> Reading[Any]:
         """Return the reading of a variable now, without waiting.
 
-        If the variable was never observed or is stale, `detail` says why it cannot be observed now.
+        If the variable was never observed or is stale, `detail` states why it cannot be observed now.
         """
         try:
             reading = self._cells[name].reading
@@ -232,7 +232,8 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         """Return why a variable, known or unknown, cannot be observed now; empty if an algorithm can look.
 
         The text states for each algorithm the first condition that does not hold. If the observer of the variable does
-        not run, the text says so. If no observer identifies the variable, the text names the sources of the variable.
+        not run, the text states this. If no observer identifies the variable, the text names the sources of the
+        variable.
         """
         self._model(name)
         return self._components.obstacle(name)

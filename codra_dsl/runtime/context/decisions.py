@@ -183,7 +183,7 @@ class ValueDecision(_State):
 
         Args:
             skill: the last skill that began and still runs; empty if there is none.
-            look_details: what the main execution found by looking.
+            look_details: the values that the main execution found by looking.
         """
         reading = self.reading
         return {
@@ -211,19 +211,19 @@ class ValueDecision(_State):
         self.is_decided = self.request.permits(self.reading, context, now_s)
 
     def explain(self, explain: Explain) -> None:
-        """Add to what is unknown the reason why it cannot be observed now."""
+        """Add the reason why a variable cannot be observed now to each unknown variable."""
         if not self.is_answered:
             self.reading = explain(self.reading)
 
 
 @dataclass(frozen=True, slots=True)
 class PreviewContext:
-    """The context as a preview sees it: readings that the request permits, and otherwise what was found by looking.
+    """The context as a preview sees it: readings that the request permits, and otherwise the values found by looking.
 
     Attributes:
         readings: the readings of the preview's variables.
         permitted: the variables whose readings the request permits.
-        looked: what the main execution found, by variable.
+        looked: the readings that the main execution found, by variable.
         now_s: the present instant.
     """
 
@@ -259,7 +259,7 @@ class Preview(_State):
     """A decision on the preview of a skill; its properties and methods are those of `ValueDecision`.
 
     Attributes:
-        looked: what the main execution found, by variable; an unknown reading where it found no value.
+        looked: the readings that the main execution found, by variable; unknown where it found no value.
         context: the context in which the answer was last evaluated.
         answer: this answer.
     """
@@ -283,7 +283,7 @@ class Preview(_State):
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Return the variables because of which the preview is not decided."""
+        """Return the variables that leave the preview undecided."""
         return () if self.is_decided else tuple(variable.name for variable in self.answer.unknown)
 
     @property
@@ -318,7 +318,7 @@ class Preview(_State):
         }
 
     def can_be_decided(self, context: DecisionContext, now_s: float) -> bool:
-        """Return whether context, with what was found by looking, decides the preview now."""
+        """Return whether context, with the values found by looking, decides the preview now."""
         return evaluate(self.skill, self._preview_context(context, now_s)).outcome is not PreviewOutcome.UNKNOWN
 
     def next_check_s(self, context: DecisionContext, now_s: float) -> float:

@@ -36,8 +36,8 @@ class Overrides(ABC, Generic[VariableName]):
         """Give a variable a value as the operator, or make it unknown, for some time. It replaces an earlier override.
 
         The override outranks all sources of the variable, and a skill that changes the variable does not end it.
-        Observers and other sources go on beneath the override. When it ends, the variable has their reading again.
-        An override is no evidence: a decision with `since_s` does not accept it.
+        Observers and other sources continue during the override. When it ends, the variable has their reading again.
+        An override is not evidence: a decision with `since_s` does not accept it.
 
         Args:
             name: the variable; it need not be declared, and may have any source.

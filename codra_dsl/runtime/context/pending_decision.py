@@ -101,7 +101,7 @@ class Pending(Generic[DecisionT]):
             self._commands.abandon(self._decision, why)
 
     def _converted_result(self, value: object) -> Value | None:
-        """Return what a look for the first missing variable found, in the type of the variable; None for no value."""
+        """Return the value from a look for the first missing variable, in the variable's type; None for no value."""
         if self.state is not DecisionState.LOOKING:
             raise RuntimeError(f"no look was requested for {self._decision.name!r}: the state is {self.state}")
         try:

@@ -48,7 +48,7 @@ class PoseConditions:
         counts = [variable for variable in graph_variables if variable.counts_paths]
         conditions = [variable for variable in graph_variables if not variable.counts_paths]
         self._graph_variables = (*conditions, *counts)
-        self._together = store.derivations.together
+        self._deferred = store.derivations.deferred
         if graph_variables:
             knowledge.on_change = self._evaluate_affected_variables
         for variable in (*counts, *conditions):
@@ -62,7 +62,7 @@ class PoseConditions:
             has_nodes=any(kind == "node" for kind, _ in changed_subjects),
         )
         snapshot = self._take_snapshot()
-        with self._together():
+        with self._deferred():
             for variable in self._graph_variables:
                 if variable.depends_on(change):
                     variable.evaluate(snapshot, change.frames)

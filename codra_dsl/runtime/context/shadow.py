@@ -19,7 +19,7 @@ class Disagreement:
     """A decision for which the value in context differed from the value that the robot saw.
 
     Attributes:
-        instant_s: when the robot reported what it saw.
+        instant_s: when the robot reported the value that it saw.
         held: the value in context.
         seen: the value that the robot saw.
         source: the source of the value in context.

@@ -91,7 +91,7 @@ class Frames:
         return self._with_tracks(tracks.with_entry(child, track.with_pose(stamp_s, parent, pose, motion)))
 
     def without_parent(self, child: str, stamp_s: float) -> Frames:
-        """Return the frames in which one frame has no parent from `stamp_s` until the frame's next pose.
+        """Return a copy in which the frame `child` has no parent from `stamp_s` until its next pose.
 
         Raises:
             FrameError: if the frame is unknown.

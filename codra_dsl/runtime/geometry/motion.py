@@ -115,7 +115,7 @@ class Track:
             track._stamps_s.append(stamp_s)
             track._parents.append(parent)
             track._poses.append(pose)
-            # This list grows last, because its length shows other tracks whether the lists have grown.
+            # `_motions` is extended last: other tracks read its length to see whether the lists have grown.
             track._motions.append(motion)
             track._end = self._end + 1
         else:

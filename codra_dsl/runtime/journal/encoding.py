@@ -38,7 +38,7 @@ _FIELDS_OF_OVERRIDES: Mapping[tuple[Kind, str], Mapping[str, str]] = {
     (Kind.OVERRIDE, "expired"): {"source": "a text"},
     (Kind.OVERRIDE, "cleared"): {"source": "a text"},
 }
-"""The fields that the events of overrides always have, and what they are."""
+"""The fields that the events of overrides always have, and their descriptions."""
 
 _OPTIONAL_FIELDS_OF_OVERRIDES = {"value": "a value", "reason": "a reason", "work": "the number of a job"}
 

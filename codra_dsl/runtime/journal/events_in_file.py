@@ -166,17 +166,17 @@ class LazyEventsByName(Generic[EventsT]):
 
     def __init__(self, find: Callable[[str], EventsT | None]) -> None:
         self._find = find
-        self._found: dict[str, EventsT | None] = {}
+        self._events_by_name: dict[str, EventsT | None] = {}
 
     def get(self, name: str) -> EventsT | None:
         """Return the events of a subject; None if there are none."""
-        if name not in self._found:
-            self._found[name] = self._find(name)
-        return self._found[name]
+        if name not in self._events_by_name:
+            self._events_by_name[name] = self._find(name)
+        return self._events_by_name[name]
 
 
 class LatestEventsInFile:
-    """The latest events before a position in a file; `LatestEventsView` states what each attribute has."""
+    """The latest events before a position in a file; `LatestEventsView` describes the attributes."""
 
     def __init__(self, file: EventsInFile, end: Position) -> None:
         self._file = file
@@ -212,9 +212,11 @@ class LatestEventsInFile:
             self._shared_events = self._file.shared_events(self._end)
         return self._shared_events
 
-    def _find_last(self, kind: Kind, name: str, whats: frozenset[str] | set[str] | None = None) -> Event | None:
+    def _find_last(self, kind: Kind, name: str, what_values: frozenset[str] | set[str] | None = None) -> Event | None:
         topic = topic_of(kind, name)
-        return _event_of(self._file.find(self._end, topic, lambda event: whats is None or event.what in whats))
+        return _event_of(
+            self._file.find(self._end, topic, lambda event: what_values is None or event.what in what_values)
+        )
 
     def _find_reading(self, variable: str, *, is_value: bool) -> tuple[Position, Event] | None:
         return self._file.find(
@@ -249,5 +251,5 @@ class LatestEventsInFile:
         return later_events if events else None
 
 
-def _event_of(found: tuple[Position, Event] | None) -> Event | None:
-    return None if found is None else found[1]
+def _event_of(position_and_event: tuple[Position, Event] | None) -> Event | None:
+    return None if position_and_event is None else position_and_event[1]

@@ -1,4 +1,4 @@
-"""What a reader accepts from a journal's file, so that a forged file cannot occupy the machine.
+"""The limits of a reader for a journal's file, so that a forged file cannot occupy the machine.
 
 A journal may be as long as a run. Therefore the limits on its whole content grow with the size of its file. A journal
 that codra writes has about 4 bytes of messages for each byte of the file, one message for 30 bytes, and one JSON value
@@ -94,5 +94,5 @@ class ReadingBudget:
 
 
 def value_count(data: bytes) -> int:
-    """Return about the number of JSON values in messages: each comma and each opening bracket stands for one value."""
+    """Return about the number of JSON values in messages: each comma and each opening bracket counts as one value."""
     return len(data) - len(data.translate(None, b",[{"))  # faster than three counts

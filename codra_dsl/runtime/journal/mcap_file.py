@@ -151,7 +151,7 @@ class McapFile:
         self._lock: Any = threading.RLock()
         self._pending_messages: deque[_Message] = deque()
         self._state = _State()
-        # A step may add to these before it is interrupted: only what the state counts is valid.
+        # A step may add to these before it is interrupted: only the records that the state counts are valid.
         self._chunk = bytearray()
         self._entries: list[IndexEntry] = []
         self._chunks: list[WrittenChunk] = []

@@ -104,7 +104,7 @@ def make_head(metadata: Mapping[str, Mapping[str, str]], files: Mapping[str, byt
 
 
 def make_chunk(records: bytes, entries: Sequence[IndexEntry], offset: int) -> tuple[bytes, WrittenChunk]:
-    """Return a chunk with the indexes of its messages, as bytes, and what the summary states about the chunk.
+    """Return a chunk with the indexes of its messages, as bytes, and the entries of the summary about the chunk.
 
     Args:
         records: the concatenated records of the chunk.

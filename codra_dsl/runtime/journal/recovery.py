@@ -33,8 +33,7 @@ class Recovery:
 def recover(path: Path, target: Path) -> Recovery:
     """Write a complete journal with all content of another journal.
 
-    The result equals, byte for byte, the file that the other journal would have become if its writer had finished it
-    after the last event that it holds.
+    The result is the same, byte for byte, as if the writer of the other journal had finished it after its last event.
 
     Args:
         path: the other journal, torn or not; it is not changed.

@@ -399,7 +399,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
             "string",
             "The reason: first, leads, worse, hard_rule, nothing_known, planner; for a parameter, changed, unknown.",
         ),
-        rule=field_schema("string", "The hard rule that decided, or the parameter's target; for a rate, what it is."),
+        rule=field_schema("string", "The hard rule that decided, or the parameter's target; for a rate, its text."),
         place=field_schema("string", "The place of the hard rule, the course, or the target in the spec."),
         value=field_schema("string", "The value of the parameter, as JSON."),
         **infinite_fields("value"),

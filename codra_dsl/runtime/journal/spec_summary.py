@@ -1,4 +1,4 @@
-"""The summary of a spec: what is needed to explain a run, in a form that can be written to a file.
+"""The summary of a spec: the content that explanations of a run need, in a form that can be written to a file.
 
 The summary is made from the running forest and from `sources.json` beside the generated code. A journal contains it, so
 `why` needs neither the package nor the spec.

@@ -50,7 +50,7 @@ def changes_by_distance(names: Iterable[str], before: SpecSummary, now: SpecSumm
 def find_changes(before: SpecSummary, now: SpecSummary) -> Iterator[Change]:
     """Yield the differences between two versions.
 
-    For an element that only one version has, only the first of its settings is a difference: the others say no more.
+    For an element that only one version has, only the first of its settings is a difference.
     """
     old_settings, new_settings = _settings(before), _settings(now)
     common_owners = {owner for owner, _ in old_settings} & {owner for owner, _ in new_settings}

@@ -130,7 +130,7 @@ class GraphSchema:
             raise unknown_name_error("type of edges", name, self._edge_types) from None
 
     def types_of_edges(self, name: str) -> frozenset[str]:
-        """Return the names of the types of edges that a name in a path stands for.
+        """Return the names of the types of edges that a name in a path means.
 
         If a type has this name, the result is only this type; otherwise the result is all types with this label.
 

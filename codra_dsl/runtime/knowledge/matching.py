@@ -18,7 +18,7 @@ from codra_dsl.runtime.values.cell import Reading
 _POSE_FUNCTION = re.compile(r"(distance|in_view)\((.+), (.+)\)")
 
 ANY = ""
-"""The wildcard in the subjects that a pattern reads: it stands for every name."""
+"""The wildcard in the subjects that a pattern reads: it matches every name."""
 
 
 class Match(NamedTuple):

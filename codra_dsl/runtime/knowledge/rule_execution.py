@@ -60,7 +60,7 @@ class RuleExecution(Generic[TransactionT_co]):
 
         Args:
             rule: the declaration of the rule.
-            check_rule: calls a given function, which returns what is missing; raises `RuleError` if this is not empty.
+            check_rule: calls a given function; raises `RuleError` if it returns a pattern that does not hold.
             begin_transaction: begins a transaction. A given check must succeed when the changes become visible.
             take_snapshot: returns a snapshot of the present graph.
             record_state: records the new state of the rule in the event log.

@@ -47,8 +47,8 @@ class AgentWriters:
         except AgentTakenError:
             self.close()
             raise AgentTakenError(
-                f"the loops cannot write as agent {agent!r}: it has an open handle, as when other loops exist for this "
-                "context manager; close it, and in a story let either 'loops' of the story or the program run the loops"
+                f"the loops cannot write as agent {agent!r}: it has an open handle (perhaps of other loops): close it. "
+                "In a story, run the loops either by 'loops' of the story or by the program"
             ) from None
 
     def write(self, agent: str, variable_write: VariableWrite, now_s: float) -> None:

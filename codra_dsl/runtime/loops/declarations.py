@@ -31,7 +31,7 @@ InferBounds = Callable[..., BoundedInference]
 
 
 class RateKind(StrEnum):
-    """What a loop computes from the history of a variable."""
+    """The value that a loop computes from the history of a variable."""
 
     RATE = "rate"
     """The rate of change of a number."""
@@ -66,7 +66,7 @@ class RateModel:
         over_s: the length of the window.
         factor: converts from units of `of` per second to the unit of the rate: 60 for units per minute, -60 if
             the rate is positive while `of` falls.
-        kind: what is computed.
+        kind: the kind of the computed value.
         valid_for_s: how long the newest evidence of `of` counts.
     """
 
@@ -78,7 +78,7 @@ class RateModel:
     valid_for_s: float = FOREVER_S
 
     def __str__(self) -> str:
-        """Return what is computed, for explanations."""
+        """Return a description of the computed value, for explanations."""
         match self.kind:
             case RateKind.SHARE:
                 return f"the share of time at which {self.of} was true, over {self.over_s:g} s"
@@ -297,7 +297,7 @@ class TreeModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopModel:
-    """A loop: what it analyses, adapts and executes.
+    """A loop, with the elements that it analyses, adapts and executes.
 
     Attributes:
         name: the name of the loop.

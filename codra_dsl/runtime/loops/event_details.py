@@ -59,7 +59,7 @@ def evidence_of(assessment: Assessment, extra_variables: Iterable[str] = ()) -> 
 
 
 def rate_details(rate: RateModel, observation: Observation) -> Details:
-    """Return what a rate is, and what it lacks while it is unknown."""
+    """Return the description of a rate, and the missing information while it is unknown."""
     return _without_none(
         variable=rate.variable,
         rule=str(rate),

@@ -105,7 +105,7 @@ class Execution:
         ending_branch = _EndingBranch(old_action, self.branch, now_s, now_s + self._abort_s, result)
         self._ending_branch = ending_branch
         self._clock.call_at(ending_branch.until_s, lambda: self._record_overdue(ending_branch))
-        if not self._attempt(self.halt):
+        if not self._run_safely(self.halt):
             ending_branch.result = FAILED
         ending_branch.is_halting = False
         self.due_s = self._clock.now_s()
@@ -123,7 +123,7 @@ class Execution:
             if self.action and self.branch != self.model.branches[self.action]:
                 self.tree.scope.create(self.model.entry, self.model.branches[self.action])
             if not self._is_idle_until_switch and (self.action or not self.model.course):
-                self._attempt(self._tick)
+                self._run_safely(self._tick)
 
     def halt(self) -> None:
         """Halt all running actions."""
@@ -135,7 +135,7 @@ class Execution:
         self._result = self.tree.tick()
         self._is_idle_until_switch = self._result.is_completed and self.model.repeat is Repeat.ON_SWITCH
 
-    def _attempt(self, run: Callable[[], None]) -> bool:
+    def _run_safely(self, run: Callable[[], None]) -> bool:
         """Call a function that runs actions of the robot; return False if it raised an exception."""
         try:
             run()

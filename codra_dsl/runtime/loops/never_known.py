@@ -1,4 +1,4 @@
-"""Inputs of a loop that were never known: each of them is reported once, because nobody may notice them otherwise.
+"""Inputs of a loop that were never known: each of them is reported once, because they could otherwise stay unnoticed.
 
 While an input is unknown, metrics are computed from their worse ends. So a loop works with an input that can never be
 known, such as a rate over a time that the history of its variable does not cover, but it works badly.

@@ -22,10 +22,10 @@ class Observation:
         evidence_s: when the evidence was taken; minus infinity if the value is unknown.
         because: why the value is unknown; empty if the value is known.
         is_overridden: whether the value is an override, or is derived from one.
-        until_s: for a rate, when it must be computed again if the other variable gets no other value: it then becomes
-            known, unknown or stale, or a held bool changes its value; infinite if never.
-        since_s: for an unknown rate, since when the readings that count are without a gap; for a bool that is not held
-            long enough, since when it is true; otherwise minus infinity.
+        until_s: for a rate, share or held bool, the instant at which it must be computed again even without a change of
+            its input, because it becomes known, unknown or stale, or a held bool changes; infinite if there is none.
+        since_s: for an unknown rate, the instant since which its readings have no gap; for a bool that is not held long
+            enough, the instant since which it is true; otherwise minus infinity.
     """
 
     variable: str
@@ -50,7 +50,7 @@ class Observation:
 
 
 def is_evidence(reading: Reading[Value]) -> bool:
-    """Return whether a reading rests on evidence: it is no override, and is not derived from one."""
+    """Return whether a reading rests on evidence: it is not an override, and is not derived from one."""
     return reading.source != OPERATOR and not (reading.source == DERIVED and reading.start_s == BEFORE_ALL_S)
 
 

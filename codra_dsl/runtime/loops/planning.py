@@ -101,7 +101,7 @@ class Plan:
         unconfirmed: the variables of the parameters for which the analysis has no value: it is unknown and there is no
             `otherwise`, or it is refused. Their evidence is not renewed.
         rate_changes: the observations of the rates that have become known or unknown, or are unknown for another reason
-            than before. A `computed` event records each of them, so `why` can tell what a rate lacks.
+            than before. A `computed` event records each of them, so `why` can show why a rate is unknown.
     """
 
     assessment: Assessment
@@ -393,8 +393,8 @@ class Planning:
         terms = [rule.condition for course in self.courses.values() for rule in course.always]
         terms += [parameter.value for parameter in self._parameters]
         waits_s = (term.flips_s(scope) for term in terms)
-        flips_s = (now_s + wait_s for wait_s in waits_s if wait_s is not None)
-        return min([*flips_s, *(scene[name].until_s for name in self._rates)], default=math.inf)
+        changes_s = (now_s + wait_s for wait_s in waits_s if wait_s is not None)
+        return min([*changes_s, *(scene[name].until_s for name in self._rates)], default=math.inf)
 
 
 def _target(model: ParameterModel, scene: Scene, now_s: float) -> _Target:

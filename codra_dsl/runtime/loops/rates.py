@@ -1,7 +1,7 @@
 """Rates of change, shares of time and held bools: observations that follow from the history of another variable.
 
-An override is not evidence. So an overridden reading is a gap in a history, like a time in which the variable was
-unknown, and so is a reading that is derived from an overridden one.
+An override is not evidence. So an overridden reading counts as a gap in the history, like a time in which the variable
+was unknown. The same applies to a reading that is derived from an overridden one.
 """
 
 from __future__ import annotations

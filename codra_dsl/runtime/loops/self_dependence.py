@@ -89,7 +89,7 @@ class SelfDependence:
         A change that the results cannot cause is analysed at once, except at the instant of the last analysis.
         """
         is_own = now_s == self._last_analysis_s or self._changed_inputs <= self._fed_back
-        return is_own and bool(self._names_without_end())
+        return is_own and bool(self._unsettled_names())
 
     def begin_analysis(self) -> None:
         """Note the begin of an analysis; it reads all changed inputs."""
@@ -106,11 +106,11 @@ class SelfDependence:
             self._change_counts.clear()
         elif is_own:
             self._change_counts.update(changed_names)
-        elif not self._names_without_end():
+        elif not self._unsettled_names():
             self._change_counts = Counter(changed_names)
-        names, reported_names = self._names_without_end(), self._reported_names
+        names, reported_names = self._unsettled_names(), self._reported_names
         self._reported_names = names
         return sorted(names - reported_names)
 
-    def _names_without_end(self) -> frozenset[str]:
+    def _unsettled_names(self) -> frozenset[str]:
         return frozenset(name for name, count in self._change_counts.items() if count >= MAX_CHANGES_IN_A_ROW)

@@ -55,7 +55,7 @@ class Derivations:
             self._derive_all(readers)
 
     @contextmanager
-    def together(self) -> Iterator[None]:
+    def deferred(self) -> Iterator[None]:
         """Treat all readings that are written within the statement as one change."""
         self._writer_count += 1
         try:
@@ -107,5 +107,5 @@ class Derivations:
 
 
 def _is_news(before: Reading[Value], reading: Reading[Value]) -> bool:
-    """Return whether a reading says something new about the variable, apart from when it must be derived again."""
+    """Return whether a reading has new content for the variable, apart from when it must be derived again."""
     return replace(reading, identified_s=before.identified_s, expires_s=before.expires_s) != before

@@ -59,24 +59,24 @@ class Verification:
     @property
     def met(self) -> tuple[Verdict, ...]:
         """Return the expectations that came true."""
-        return self._of(Outcome.MET)
+        return self._with_outcome(Outcome.MET)
 
     @property
     def violated(self) -> tuple[Verdict, ...]:
         """Return the expectations that did not come true, or did not stay true."""
-        return self._of(Outcome.VIOLATED)
+        return self._with_outcome(Outcome.VIOLATED)
 
     @property
     def not_seen(self) -> tuple[Verdict, ...]:
         """Return the expectations that were neither observed to come true nor observed to be violated."""
-        return self._of(Outcome.NOT_SEEN)
+        return self._with_outcome(Outcome.NOT_SEEN)
 
     @property
     def all_met(self) -> bool:
         """Return whether all expectations of the skill came true."""
         return len(self.met) == len(self.verdicts)
 
-    def _of(self, outcome: Outcome) -> tuple[Verdict, ...]:
+    def _with_outcome(self, outcome: Outcome) -> tuple[Verdict, ...]:
         return tuple(verdict for verdict in self.verdicts if verdict.outcome is outcome)
 
     def __bool__(self) -> bool:

@@ -216,7 +216,7 @@ class Forest:
         return readings
 
     def _schedule_tick(self, observer: Observer, instant_s: float | None) -> None:
-        """Schedule a tick of an observer. If an earlier tick is scheduled, keep that one, which schedules the next."""
+        """Schedule a tick of an observer, unless an earlier tick is scheduled, which then schedules the next one."""
         timer = self._timers.get(observer.name)
         if instant_s is not None and (timer is None or timer.instant_s > instant_s):
             if timer is not None:

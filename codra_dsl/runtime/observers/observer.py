@@ -25,7 +25,7 @@ __all__ = ["Branch", "Observer", "ObserverModel"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverModel:
-    """An observer O_i: how its tree is built and what it identifies (P1, Equations 5, 6).
+    """An observer O_i: how its tree is built, and the variables that it identifies (P1, Equations 5, 6).
 
     Attributes:
         period_s: the time from the start of one job of an algorithm to the start of the next. If a job takes longer,
@@ -294,7 +294,7 @@ class Observer:
     def _reading(self, variable: str) -> Reading[Value]:
         """Return the present reading of a variable, which can be one that was written in this tick.
 
-        An observer goes on beneath an override of its variable, so it reads what the override hides.
+        An observer continues during an override of its variable, so it reads the readings that the override hides.
         """
         newest_reading = self.services.cells[variable].observed.at(self.now_s)
         for reading in self._written_readings:

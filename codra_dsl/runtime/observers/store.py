@@ -66,7 +66,7 @@ class Store:
 
     def write_all(self, readings: Iterable[Reading[Value]]) -> None:
         """Store readings that are identified together."""
-        with self.derivations.together():
+        with self.derivations.deferred():
             for reading in readings:
                 self.write(reading)
 
@@ -119,7 +119,7 @@ class Store:
 
     def forget(self, names: Iterable[str], observer: str) -> None:
         """Make variables of a stopping observer unknown, if they are known now and are declared with `forget`."""
-        with self.derivations.together():
+        with self.derivations.deferred():
             for name in names:
                 if self.variables[name].when_unobservable == "forget" and self._observed(name).known:
                     self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
@@ -129,7 +129,7 @@ class Store:
     def begin_override(self, name: str, content: Value | None, detail: str, until_s: float) -> None:
         """Let the operator give a variable a value, or make it unknown if `content` is None, until an instant.
 
-        The readings of the sources go on beneath the override.
+        The sources continue to write readings during the override.
         """
         now_s, cell = self._clock.now_s(), self.cells[name]
         reason = Reason.OVERRIDDEN if content is None else None

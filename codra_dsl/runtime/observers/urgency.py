@@ -74,7 +74,7 @@ class Urgencies:
     def _spread(self, urgency: Urgency, variables: Iterable[str]) -> None:
         """Give an urgency to the observers of some variables, and to all observers that these observers need.
 
-        An observer that already has an urgency keeps it, because the most urgent needs are given first.
+        An observer that already has an urgency keeps it, because this method is called for the most urgent needs first.
         """
         pending_variables = sorted(self._with_inputs(variables))
         while pending_variables:

@@ -78,7 +78,7 @@ def value_of(handle_name: str, handle: object, name: str) -> object:
     """Return the value of an attribute of a handle, which can be copied to a process.
 
     Raises:
-        AttributeError: if the handle has no such attribute, or the attribute is no value.
+        AttributeError: if the handle has no such attribute, or the attribute is not a plain value.
     """
     value: Any = getattr(handle, name)
     is_code = isinstance(value, (type, ModuleType)) or inspect.isroutine(value)

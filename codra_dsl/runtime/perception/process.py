@@ -156,7 +156,7 @@ class Process:
         return end_text
 
     def _end_guard(self) -> None:
-        """Wait until the guard has ended, which ends all other processes before."""
+        """Wait until the guard has ended. It first ends all other processes."""
         self._guard.send_signal(signal.SIGCONT)  # a process that stops both its guard and its supervisor
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._guard.wait(_END_TIMEOUT_S)

@@ -1,4 +1,4 @@
-"""Execute jobs in a separate process: whatever the function does, the process can be ended, and its memory is freed."""
+"""Execute jobs in a separate process, which can always be ended, and whose memory is then freed."""
 
 from __future__ import annotations
 

@@ -124,8 +124,8 @@ class SpareTimes:
     """How long each request for slots of one resource may still delay the older requests for slots of this resource.
 
     If n algorithms use the resource and T is their longest timeout, no request may become older than n T. The spare
-    time of a request is the time after which one of the older requests would be too late, if all requests before that
-    one take their longest time. Spare times of older requests are never shorter.
+    time of a request is the time for which it could delay the older requests: after this time, one of them would be too
+    late if all requests before it take their longest time. Spare times of older requests are never shorter.
 
     Computing all spare times visits all waiting requests. Therefore each request gets a deadline when it is added: its
     spare time lasts at least until `elapsed_s` reaches this deadline. Later additions do not change it, and removals

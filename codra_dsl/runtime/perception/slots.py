@@ -15,7 +15,7 @@ class Slots:
     """Grants slots by priority, then urgency, then waiting time, with a bound on the waiting time.
 
     The age of a waiting request grows while observers could use the slot. If n algorithms use a resource, each with one
-    job at a time, and T is their longest timeout, no request waits until it is older than n T.
+    job at a time, and T is their longest timeout, no request gets older than n T.
 
     A request is granted before older requests only if each older request can still begin in time, even if all requests
     before this older request take their longest time. So the oldest request can always be granted, and a new request,
@@ -157,8 +157,8 @@ class Slots:
     def _tickets_by_rank(self, reserved_slot_counts: Mapping[str, int]) -> Iterator[tuple[Rank, Ticket]]:
         """Remove and yield the waiting tickets and their ranks, in the order of the ranks.
 
-        Leave out the tickets of a lane if none of their slots is free and not reserved: such tickets can neither be
-        granted, nor reserve a slot that another request could get.
+        The tickets of a lane are left out if all of their slots are taken or reserved. Such tickets cannot be granted,
+        and cannot reserve a slot that another request could get.
         """
         while True:
             first_lanes = [

@@ -244,7 +244,7 @@ class RemoteContext:
         return lambda: self._unsubscribe(number)
 
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> tuple[Answer | None, PlainData]:
-        """Return what the program found by its own look, and the fields of the request that reports it."""
+        """Return the value from the program's own look, and the fields of the request that reports it."""
         try:
             value = otherwise()
             content = plain_value(value)
@@ -335,5 +335,5 @@ class RemoteContext:
 
 
 def _fields_of(options: Mapping[str, object]) -> PlainData:
-    """Return the options of a decision that limit it: a message cannot state that there is no limit."""
+    """Return only the options of a decision that set a limit, because a message cannot express an infinite limit."""
     return {key: option for key, option in options.items() if (key, option) not in _NO_LIMITS}

@@ -115,7 +115,7 @@ class Connection:
         self._wake()
 
     def take_turn(self, events: int) -> None:
-        """Receive a part of a request, handle at most one request, and send what the socket accepts."""
+        """Receive a part of a request, handle at most one request, and send as much as the socket accepts."""
         try:
             if events & EVENT_READ:
                 self._receive()

@@ -82,7 +82,7 @@ def open_listener(address: Address) -> socket.socket:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(endpoint)
         if not isinstance(address, int):
-            Path(address).chmod(OWNER_ONLY)  # whatever the umask is; until `listen`, nobody can connect
+            Path(address).chmod(OWNER_ONLY)  # regardless of the umask; before `listen`, no client can connect
         listener.listen(_BACKLOG)
     except (OSError, OverflowError) as error:
         listener.close()

@@ -73,7 +73,7 @@ class DecisionComparison:
     """Compares the decisions of a run, as they are read from its journal, with those of its replay."""
 
     def __init__(self, from_s: float) -> None:
-        """Count only decisions whose questions were not asked before an instant."""
+        """Ignore decisions that were asked before an instant."""
         self._from_s = from_s
         self._recorded: dict[_Question, deque[_Answer]] = defaultdict(deque)
         self._replayed: dict[_Question, deque[_Answer]] = defaultdict(deque)

@@ -131,7 +131,7 @@ class Player:
             self.decisions[number] = decision
 
     def _take_decision(self, number: int) -> Decision:
-        """Return a decision that ends; if it waits, the main execution has abandoned it."""
+        """Remove a decision that ends, and return it. If it still waits, the main execution has abandoned it."""
         decision = self.decisions.pop(number)
         if decision.is_waiting:
             self.on_decision(decision)

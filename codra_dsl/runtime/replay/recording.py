@@ -150,8 +150,8 @@ class Recording:
     def is_late(self, step: int, due_s: float) -> bool:
         """Return whether the run may have made a step more than a tolerance after the step was due.
 
-        A late step is an input of its own. The journal is read until it shows whether there was one, but not beyond
-        limits that hardly any late step exceeds.
+        A late step is an input of its own. The journal is read until it shows whether there was one, but only up to
+        limits that nearly all late steps keep.
         """
         while step not in self._late_steps:
             last_input = self._inputs[-1][0] if self._inputs else None

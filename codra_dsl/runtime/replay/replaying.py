@@ -24,7 +24,7 @@ from codra_dsl.runtime.replay.undetermined import Undetermined
 from codra_dsl.runtime.replay.what_if import MAX_STEPS_BETWEEN_INPUTS, WhatIf
 
 _ROUNDING_S = 1e-9
-"""Instants of simulated time that differ by less are the same; in real time, nothing is so close to an input."""
+"""Instants of simulated time that differ by less are the same. In real time, no step is so close to an input."""
 
 _WITHIN_INSTANT = frozenset({"delivered", "evidence", "late", "unstarted", "waited"})
 """Inputs that may come, in simulated time, before other steps of their instant."""

@@ -1,4 +1,4 @@
-"""What a what-if replay can know about variables.
+"""The variables about which the journal of a what-if replay has too little information.
 
 After its first difference, a replay may need a result that the run does not have: of a look at a time at which the run
 did not look, or of the main execution's own look. No value is invented for it. The variables that such a result could
@@ -99,8 +99,8 @@ class Undetermined:
     def look_of_main_execution(self, variable: str, decided_variables: Iterable[str]) -> Iterator[None]:
         """Treat what happens in the `with` statement as a look that the main execution made in the run.
 
-        If one of the variables that are decided is undetermined or assumed, so is what the look finds, because context
-        might have decided without a look.
+        If one of the decided variables is undetermined or assumed, the result of the look is so as well, because
+        context might have decided without a look.
         """
         states = (self.variables, self.assumed_variables)
         doubtful_states = [state for state in states if not state.isdisjoint(decided_variables)]
@@ -126,7 +126,7 @@ class Undetermined:
         self._drop_derived(self.assumed_variables)
 
     def _drop_derived(self, variables: set[str]) -> None:
-        """Remove the derived variables none of whose inputs is among some variables: they have no memory."""
+        """Remove the derived variables without an input among some variables: they have no memory."""
         dropped = variables
         while dropped:
             dropped = {name for name in variables & self._inputs.keys() if variables.isdisjoint(self._inputs[name])}

@@ -2,8 +2,8 @@
 
 Until the first difference, a replay repeats every step of the run. Afterwards its steps are others, so the inputs of
 the run are passed at their instants, after everything that is due at this instant. Values that programs, agents and
-loops wrote, and changes of the graph, are those of the run. `jobs` states which results looks have, and `undetermined`
-for which variables the journal does not show what the replay would have known.
+loops wrote, and changes of the graph, are those of the run. `jobs` states the results of looks, and `undetermined`
+states the variables about which the journal has too little information.
 """
 
 from __future__ import annotations

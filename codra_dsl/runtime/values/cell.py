@@ -152,7 +152,7 @@ class Override(Reading[Value]):
     beneath: Reading[Value]
 
     def at(self, instant_s: float) -> Reading[Value]:
-        """Return this reading as it is at an instant; from the end of the override, the reading beneath."""
+        """Return this reading at an instant, or the reading beneath it if the override has ended by then."""
         return self if instant_s < self.expires_s else self.beneath.at(instant_s)
 
 
@@ -348,7 +348,7 @@ class Cell:
         return tuple(self._readings[max(0, len(self._readings) - self._history_limit) :])
 
     def at(self, instant_s: float) -> Reading[Value]:
-        """Return the reading at an instant, according to what is known today.
+        """Return the reading at an instant, as far as known today.
 
         This is the override at the instant, or the reading of the sources.
         """
@@ -361,7 +361,7 @@ class Cell:
         return next((span.override for span in spans if span.covers(instant_s)), None)
 
     def observed_at(self, instant_s: float) -> Reading[Value]:
-        """Return the reading of the sources at an instant, according to what is known today.
+        """Return the reading of the sources at an instant, as far as known today.
 
         This is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
         instant, the variable is unknown in the returned reading.

@@ -1,8 +1,8 @@
 """Derived variables: their values, evidence and reasons follow from other variables, their inputs.
 
-A derived variable has no observer and nobody writes it. Its present reading is computed again whenever an input
+A derived variable has no observer and no writer. Its present reading is computed again whenever an input
 changes. Its past follows from the histories of its inputs: evidence is taken at different instants, so the readings of
-a derived variable in the order of their evidence would say nothing about the past.
+a derived variable in the order of their evidence would not show the past.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class DerivedCell(Cell):
         return self.reading if now_s < self.reading.expires_s else self.derive(now_s)
 
     def observed_at(self, instant_s: float) -> Reading[Value]:
-        """Return the reading without overrides at an instant, according to what is known today about the inputs."""
+        """Return the reading without overrides at an instant, as far as the inputs are known today."""
         return self.derive_in(ContextAt(self._cells, instant_s))
 
     def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:  # noqa: ARG002
@@ -156,7 +156,7 @@ class DerivedCell(Cell):
 
 
 class ContextAt:
-    """The context as it was at an instant, according to what is known today. Each variable is derived only once.
+    """The context as it was at an instant, as far as known today. Each variable is derived only once.
 
     Attributes:
         cells: the cells of all variables.
@@ -233,7 +233,7 @@ class _PresentContext(ContextAt):
 class _ContextSince(_PresentContext):
     """The context as it is now. Variables are unknown if the taking of their evidence began before their instants.
 
-    Overrides are no evidence, so they do not hide derived variables that follow from limited variables.
+    Overrides are not evidence, so they do not hide derived variables that follow from limited variables.
     """
 
     __slots__ = ("_since_s",)
@@ -305,7 +305,7 @@ def _names_in(term: Term) -> Iterator[str]:
 
 
 def unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
-    """Return the inputs because of which a term is unknown, in the order of the term."""
+    """Return the inputs that make a term unknown, in the order of the term."""
     if term.evaluate(scope) is not None:
         return ()
     parts = term.parts()
@@ -347,7 +347,7 @@ def _evidence(reading: Reading[Any]) -> Evidence:
     """Return the evidence of an input; for an unknown input, the instant since which it is unknown.
 
     This instant is infinite if the input was unknown from the beginning of the run. The evidence of an override by the
-    operator began before all instants, because an override is no evidence.
+    operator began before all instants, because an override is not evidence.
     """
     if reading.known:
         return reading.evidence_s, reading.start_s

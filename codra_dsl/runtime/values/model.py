@@ -218,7 +218,7 @@ class VariableModel:
 
     @property
     def is_computed(self) -> bool:
-        """Return whether the value follows from the graph or from other variables, so that nobody writes it."""
+        """Return whether the value follows from the graph or from other variables, so that it has no writer."""
         return self.pose_condition is not None or self.derived is not None
 
 

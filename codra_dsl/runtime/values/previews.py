@@ -22,9 +22,9 @@ class PreviewOutcome(StrEnum):
     HOLDS = "holds"
     """All conditions hold, and all variables that are named alone are known."""
     VIOLATED = "violated"
-    """At least one condition does not hold, whatever the unknown variables are."""
+    """At least one condition does not hold, for all values of the unknown variables."""
     UNKNOWN = "unknown"
-    """No condition is violated, and at least one variable is needed that is unknown."""
+    """No condition is violated, and at least one needed variable is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class PreviewAnswer:
         skill: the skill that comes next.
         violated: the conditions that do not hold, as written in the spec.
         undecided: the conditions whose result is unknown, and the unknown variables that are named alone.
-        unknown: the unknown variables because of which something is undecided.
+        unknown: the unknown variables that leave a condition or a name undecided.
     """
 
     skill: str
@@ -105,7 +105,7 @@ def evaluate(skill: SkillModel, scope: PreviewScope) -> PreviewAnswer:
 
 
 def with_details(answer: PreviewAnswer, detail_of: Mapping[str, str]) -> PreviewAnswer:
-    """Return an answer whose unknown variables have other details, where there are any."""
+    """Return an answer with new details for its unknown variables; a variable without a new detail keeps its detail."""
     unknown = (
         replace(variable, detail=detail_of.get(variable.name, "") or variable.detail) for variable in answer.unknown
     )
@@ -113,9 +113,9 @@ def with_details(answer: PreviewAnswer, detail_of: Mapping[str, str]) -> Preview
 
 
 def _entries(skill: SkillModel, scope: PreviewScope) -> Iterator[tuple[str, bool | None, tuple[str, ...]]]:
-    """Yield the text and the result of each condition and of each variable that is named alone.
+    """Yield each condition, and each variable that is named alone.
 
-    If the result is unknown, the variables because of which it is unknown follow.
+    Each has its text, its result, and the unknown variables that make the result unknown.
     """
     names_in_conditions: set[str] = set()
     for condition in skill.preview_conditions:

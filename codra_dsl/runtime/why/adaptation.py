@@ -160,7 +160,7 @@ def _setting_lines(event: Event) -> Iterator[str]:
 
 
 def _rate_lines(event: Event, reading_of: ReadingOf) -> Iterator[str]:
-    """Yield what a rate, share or held bool is, what it lacks if it is unknown, and the state of its input."""
+    """Yield the description of a rate, share or held bool, the reason if it is unknown, and the state of its input."""
     details = event.details
     yield f"it is {details['rule']}"
     if "message" in details:

@@ -24,7 +24,7 @@ LatestEventsAt = Callable[[float], LatestEventsView]
 
 
 PREVIEW_PREFIX = "preview of "
-"""What precedes the name of a skill in a question about its preview, whatever else has this name."""
+"""The words before the name of a skill in a question about its preview; needed if another element has this name."""
 
 
 def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, at_s: float) -> Why:
@@ -206,7 +206,7 @@ class _Explanation:
         )
 
     def preview(self, skill: SkillModel, at_s: float) -> Why:
-        """Explain the preview of a skill: why it holds, what it lacks, or which condition is violated."""
+        """Explain the preview of a skill: why it holds, why it is unknown, or which condition is violated."""
         context, rules = self._context_at(at_s), [*self._summary.previews.get(skill.name, ())]
         conditions = tuple(PreviewCondition(text=rule.text, condition=rule.term) for rule in rules)
         answer = evaluate(replace(skill, preview_conditions=conditions), context)
@@ -275,7 +275,7 @@ class _Explanation:
         return unknown_names if unknown_names and not is_known else names
 
     def _unknown_plain_inputs(self, name: str, context: _PastContext) -> Iterator[str]:
-        """Yield the variables, none of them derived, because of which a derived variable is unknown."""
+        """Yield the variables that make a derived variable unknown, without derived ones."""
         pending_names, seen_names = [name], set[str]()
         while pending_names:
             other = pending_names.pop()
@@ -340,16 +340,16 @@ class _Explanation:
                 yield MissingChange(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return
         for rule in unmet_preconditions:
-            flips_s = rule.term.flips_s(context)
+            wait_s = rule.term.flips_s(context)
             yield MissingChange(
                 variable=min(rule.term.variables(), default=""),
                 condition=rule.text,
-                from_s=None if flips_s is None else context.at_s + flips_s,
+                from_s=None if wait_s is None else context.at_s + wait_s,
                 place=rule.place,
             )
 
     def _with_expressions(self, rule: Rule) -> Rule:
-        """Return a condition with expressions in place of derived variables: nobody can change these variables."""
+        """Return a condition with expressions in place of derived variables, which no program can write."""
         text = rule.python_text
         pending_names, expression_count = sorted(rule.term.variables()), 0
         while pending_names and len(text) < _MAX_TEXT_LENGTH and expression_count < _MAX_EXPRESSIONS:

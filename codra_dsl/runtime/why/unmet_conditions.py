@@ -32,7 +32,7 @@ class _ChangedScope:
 def find_solution(
     terms: Sequence[Term], scope: Scope, variables: Mapping[str, VariableModel]
 ) -> dict[str, Value] | None:
-    """Return values, for as few variables as possible, that would make all terms hold.
+    """Return values of as few variables as possible with which all terms would hold.
 
     Args:
         terms: the conditions.

@@ -1,4 +1,4 @@
-"""Review of two versions of some specs: what the changes mean for a robot and its programs."""
+"""Review of two versions of some specs: the effects of the changes on a robot and its programs."""
 
 from codra_dsl.tooling.diff.changes import Category, Change, Latency, Level, Review, Verdict
 from codra_dsl.tooling.diff.specs import review

@@ -60,7 +60,7 @@ def _algorithm_scope(scope: Scope, old_name: str, new_name: str) -> Scope:
 
 
 def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
-    """Return the first algorithm in A and the first one in B of each variable for which B has only other algorithms."""
+    """Return the first algorithm in A and in B of each variable, if B has replaced all of its algorithms."""
     replacements: dict[tuple[str, str], None] = {}
     for variable, old_names in pair.old.producers.items():
         new_names = pair.new.producers.get(variable, ())
@@ -129,8 +129,8 @@ def compare_observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
 def compare_preview_conditions(scope: Scope, _: str, old: Sequence[Condition], new: Any) -> Iterator[Change]:
     """Yield a change if the guard that the conditions of a preview form together has changed.
 
-    A variable that is named alone must be known. It counts if a condition reads it, too; other names are compared as
-    such.
+    A variable that is named alone must be known. This is a part of the guard if a condition reads the variable as well;
+    all other names are compared as names.
     """
     trees = [condition.tree for condition in (*old, *new) if condition.tree is not None]
     read_names = {name.name for tree in trees for name in names_in(tree)}
@@ -155,7 +155,7 @@ def returned_types(scope: Scope, _: object) -> Types:
 
 
 def _conditions_with_pose_comparisons(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Yield conditions in which each implicit variable is replaced by the comparison of poses that it stands for."""
+    """Yield conditions in which each implicit variable is replaced by its comparison of poses."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 

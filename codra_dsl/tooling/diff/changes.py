@@ -80,7 +80,7 @@ class Change:
         element: the identifier of the changed element, e.g. `lab/context/centrifuge_open`; for the spec itself, the
             name of the spec.
         key: the key that has changed, as specs spell it; empty for the element itself.
-        message: what the change means, without the texts or values in A and B.
+        message: the effect of the change, without the texts or values in A and B.
         old_text: the text or value in A; None if A has no value.
         new_text: the text or value in B; None if B has no value.
         old_place: the place in A; None if A has no place.

@@ -116,7 +116,7 @@ def growth_comparer(increase_category: Category, decrease_category: Category) ->
 def name_comparer(loss_wording: Wording, gain_wording: Wording) -> Comparer:
     """Return the comparer of unordered lists of names or of conditions. The entries are compared one by one.
 
-    If the messages contain `{}`, the entries are variables, and `{}` stands for the variables that were lost or gained.
+    If the messages contain `{}`, the entries are variables, and `{}` is replaced by the lost or gained variables.
     Variables that only one version of the spec has are left out, because they are reported as added or removed.
     """
 

@@ -160,7 +160,7 @@ def compare_course_node(scope: Scope, key: str, old: Reference | None, new: Refe
 
 
 def compare_effect(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
-    """Yield the changes of what an adaptation chooses or sets."""
+    """Yield the changes of the actions that an adaptation chooses and of the variable that it sets."""
     if type(old) is type(new):
         yield from scope.inner_scope("", old, new).changes()
     else:

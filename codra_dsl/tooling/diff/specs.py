@@ -19,7 +19,7 @@ _CATEGORY_OF_CODE = {"CDR5101": Category.CYCLIC, "CDR5102": Category.UNOBSERVABL
 
 
 def review(before: Version, after: Version) -> Review:
-    """Return what the changes between two versions of some specs mean for a robot."""
+    """Return the effects on a robot of the changes between two versions of some specs."""
     changes: list[Change] = []
     latencies: list[Latency] = []
     old_plans, new_plans = ({plan.name: plan for plan in version.plans} for version in (before, after))
@@ -118,7 +118,7 @@ def _repair_or_removal(broken_spec: BrokenSpec, after: Version) -> Iterator[Chan
     """Yield a change if a spec with errors in A is repaired or removed. If the spec has errors in B, yield nothing."""
     plan = next((plan for plan in after.plans if _is_same_spec(broken_spec, plan)), None)
     if plan is not None:
-        message = "the spec had errors and is valid now: there is no earlier version to compare with"
+        message = "the spec had errors and is valid now, so it cannot be compared with the earlier version"
         old_place, new_place = broken_spec.errors[0].place, plan.checked.spec.place
         yield Change(
             category=Category.REPAIRED, element=plan.name, message=message, old_place=old_place, new_place=new_place

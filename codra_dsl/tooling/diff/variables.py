@@ -25,7 +25,7 @@ def compare_variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequ
 
 
 def compare_sources(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
-    """Yield the changes of the writers of a variable; nobody writes a derived variable."""
+    """Yield the changes of the writers of a variable; a derived variable has no writers."""
     if not any(variable.derived for variable in scope.values):
         yield from compare_variable_writers(scope, key, old, new)
 

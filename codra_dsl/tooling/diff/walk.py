@@ -101,7 +101,7 @@ class Scope:
         Args:
             category: the category of the change.
             key: the key within the values of this scope.
-            message: what the change means.
+            message: the effect of the change.
             old_text: the text or value in A.
             new_text: the text or value in B.
             changed_parts: the changed part in A and in B, which gives the place; for None, the key gives the place.
@@ -151,7 +151,7 @@ def equality_comparer(
 
     Args:
         category: the category of the change, or a function that gives it.
-        message: the message of the change; `{}` stands for the key.
+        message: the message of the change; `{}` is replaced by the key.
         show: returns the text of a value; if it is given, both values are shown completely. Otherwise, only the entries
             of lists that differ are shown, or all entries if only their order differs.
         select_part: returns the part of a value that is compared.
@@ -242,7 +242,7 @@ def entry_comparer(noun: str, make_wording: Callable[[Any], Wording] | None = No
     Args:
         noun: the word for an entry in messages; if it is empty, removed and added entries are not reported.
         make_wording: returns the category and the message for an entry that only one version has. Its argument is the
-            entry in B, or None if only A has the entry. `{}` in the message stands for the name of the entry.
+            entry in B, or None if only A has the entry. `{}` in the message is replaced by the name of the entry.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:

@@ -300,7 +300,7 @@ class _Completion:
 
     def _returned_values(self) -> Iterator[_Choice]:
         """Yield the values that the algorithm around the cursor returns."""
-        algorithms = self._meant("perception", self._algorithm)
+        algorithms = self._intended_names("perception", self._algorithm)
         for symbol in (symbol for names in self._specs for symbol in names.declarations):
             if symbol.section == RETURNS and symbol.owner in algorithms:
                 yield _Choice(symbol.name, types.CompletionItemKind.Field)
@@ -312,12 +312,12 @@ class _Completion:
 
     def _members(self, written: str, quote: str) -> Iterator[_Choice]:
         """Yield the members of the variables or of the returned values around the cursor that a text can mean."""
-        owners = self._meant("context", written)
-        owners |= {f"{algorithm}.{written}" for algorithm in self._meant("perception", self._algorithm)}
+        owners = self._intended_names("context", written)
+        owners |= {f"{algorithm}.{written}" for algorithm in self._intended_names("perception", self._algorithm)}
         for member in (member for names in self._specs for owner in sorted(owners) for member in names.members(owner)):
             yield _Choice(f"{quote}{member}{quote}", types.CompletionItemKind.EnumMember)
 
-    def _meant(self, section: str, written: str) -> set[str]:
+    def _intended_names(self, section: str, written: str) -> set[str]:
         """Return the names that a text means: itself or, in a template, the names that it makes."""
         if "$(" not in written:
             return {written}

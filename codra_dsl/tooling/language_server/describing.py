@@ -1,4 +1,4 @@
-"""What an editor shows about a name, the symbols of a file, and the colours of conditions."""
+"""The text that an editor shows about a name, the symbols of a file, and the colours of conditions."""
 
 from __future__ import annotations
 
@@ -21,17 +21,19 @@ _MAX_SHOWN_NAMES = 3
 
 
 def hover(cursor: Cursor) -> types.Hover | None:
-    """Return what is known about the name at a cursor."""
-    found = cursor.index.at(cursor)
-    site = cursor.file if any(_site(names) == cursor.file for names, _ in found) else ""
-    texts = dict.fromkeys(_description(names, name_range.symbol) for names, name_range in found if _site(names) == site)
+    """Return the description of the name at a cursor."""
+    matches = cursor.index.at(cursor)
+    site = cursor.file if any(_site(names) == cursor.file for names, _ in matches) else ""
+    texts = dict.fromkeys(
+        _description(names, name_range.symbol) for names, name_range in matches if _site(names) == site
+    )
     if not texts:
         return None
     document = cursor.document
     text = "\n\n---\n\n".join(list(texts)[:_MAX_SHOWN_NAMES])
     return types.Hover(
         types.MarkupContent(types.MarkupKind.Markdown, text),
-        document.range_between(found[0][1].start, found[0][1].end),
+        document.range_between(matches[0][1].start, matches[0][1].end),
     )
 
 
@@ -135,10 +137,10 @@ _NOT_IN_OUTLINES = (RETURNS, VALUES, PARAMETERS, "spec")
 def symbols(cursor: Cursor) -> list[types.DocumentSymbol]:
     """Return the declarations in a file, as a template writes them, or the names in a site."""
     document, other = cursor.document, other_file(cursor.document, cursor.file)
-    declared = (found for found in cursor.index.in_file(cursor.file) if found.is_declaration)
-    entries = {(found.start, found.end): found.symbol.section for found in declared}
+    declared = (name_range for name_range in cursor.index.in_file(cursor.file) if name_range.is_declaration)
+    entries = {(name_range.start, name_range.end): name_range.symbol.section for name_range in declared}
     if other.kind == SITE_KEY:
-        entries = {(found.start, found.end): found.section for found in other.names}
+        entries = {(name_range.start, name_range.end): name_range.section for name_range in other.names}
     shown: list[types.DocumentSymbol] = []
     for (start, end), section in sorted(entries.items()):
         if section not in _NOT_IN_OUTLINES:
@@ -159,16 +161,16 @@ def semantic_tokens(cursor: Cursor) -> types.SemanticTokens:
     """Return the types of the words in the conditions of a file."""
     index, file = cursor.index, cursor.file
     document = cursor.document
-    found: dict[tuple[int, int], int] = {}
+    types_by_range: dict[tuple[int, int], int] = {}
     for names in index.specs:
         for site in names.tables.sites:
             if site.condition.place.span.file == file:
                 is_result = site.role in RESULT_ROLES
                 for start, end, token_type in _tokens(site.condition, index, names, file, is_result=is_result):
-                    found.setdefault((start, end), token_type)
+                    types_by_range.setdefault((start, end), token_type)
     data: list[int] = []
     last, last_end = types.Position(0, 0), 0
-    for (start, end), token_type in sorted(found.items()):
+    for (start, end), token_type in sorted(types_by_range.items()):
         position, after = document.position_at(start), document.position_at(end)
         if position.line == after.line and start >= last_end:
             is_same_line = position.line == last.line
@@ -183,11 +185,11 @@ def _tokens(
 ) -> Iterator[tuple[int, int, int]]:
     """Yield the ranges of the words of a condition in the newest text, with their types."""
     try:
-        found = tokens(condition.text)
+        condition_tokens = tokens(condition.text)
     except ExpressionError:  # patterns and poses have another grammar
         return
     document, move = names.texts.document(file), index.move(names, file)
-    for token in found[:-1]:
+    for token in condition_tokens[:-1]:
         span = condition.place_between(token.start, token.end).span
         start, end = document.offsets_of(span)
         written = document.text[start:end] if span.file == file else ""

@@ -48,7 +48,7 @@ class SpecNames:
     texts: Texts
 
     @property
-    def is_whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether all names of the spec could be read."""
         return not any(isinstance(names, AnyName) for names in self.spec.damaged.values())
 
@@ -137,52 +137,52 @@ class Index:
 
     def at(self, cursor: Cursor) -> list[tuple[SpecNames, Range]]:
         """Return the names at a cursor. The text of a template can have a name of each of its uses."""
-        found = [
+        matches = [
             (names, name_range)
             for names in self.specs
             for name_range in self._in_file(names, cursor.file)
             if name_range.start <= cursor.offset <= name_range.end
         ]
-        shortest = min((name_range.end - name_range.start for _, name_range in found), default=0)
-        return [(names, name_range) for names, name_range in found if name_range.end - name_range.start == shortest]
+        shortest = min((name_range.end - name_range.start for _, name_range in matches), default=0)
+        return [(names, name_range) for names, name_range in matches if name_range.end - name_range.start == shortest]
 
     def symbols(self, cursor: Cursor) -> list[tuple[SpecNames, Symbol]]:
         """Return the symbols at a cursor, and those of other specs with the same declarations, in shared parts."""
         return list(
             dict.fromkeys(
                 (names, name_range.symbol)
-                for found_names, name_range in self.at(cursor)
+                for names_at_cursor, name_range in self.at(cursor)
                 for names in self.specs
-                if names is found_names or names.declares_same(name_range.symbol, found_names)
+                if names is names_at_cursor or names.declares_same(name_range.symbol, names_at_cursor)
             )
         )
 
     def ranges(self, symbols: Iterable[tuple[SpecNames, Symbol]], other_files: Iterable[str] = ()) -> list[Range]:
         """Return every place of symbols in specs, and in those of other files that are sites or timelines."""
         wanted = set(symbols)
-        found = [
+        name_ranges = [
             name_range
             for names in dict.fromkeys(names for names, _ in wanted)
             for file in (*names.ranges, *other_files)
             for name_range in self._in_file(names, file)
             if (names, name_range.symbol) in wanted
         ]
-        places = {(name_range.file, name_range.start, name_range.end): name_range for name_range in found}
+        places = {(name_range.file, name_range.start, name_range.end): name_range for name_range in name_ranges}
         return sorted(places.values(), key=lambda name_range: (name_range.file, name_range.start))
 
     def definitions(self, cursor: Cursor) -> list[Range]:
         """Return where the names at a cursor are declared; for the path of a file, the beginning of this file."""
-        found = [name_range for name_range in self.ranges(self.symbols(cursor)) if name_range.is_declaration]
+        name_ranges = [name_range for name_range in self.ranges(self.symbols(cursor)) if name_range.is_declaration]
         path = cursor.document.path_at(cursor.offset)
         file = os.path.normpath(os.path.join(os.path.dirname(cursor.file), path))  # noqa: PTH118, PTH120 - a name
-        if found or not path or not (self.texts.root / file).is_file():
-            return found
+        if name_ranges or not path or not (self.texts.root / file).is_file():
+            return name_ranges
         return [Range(Symbol("file", path), file, 0, 0, is_declaration=True, is_written=True)]
 
     def in_file(self, file: str) -> list[Range]:
         """Return the names in a file, in the order of its text."""
-        found = [name_range for names in self.specs for name_range in self._in_file(names, file)]
-        return sorted(found, key=lambda name_range: (name_range.start, name_range.end))
+        name_ranges = [name_range for names in self.specs for name_range in self._in_file(names, file)]
+        return sorted(name_ranges, key=lambda name_range: (name_range.start, name_range.end))
 
     def _in_file(self, names: SpecNames, file: str) -> Iterator[Range]:
         for name_range in names.ranges.get(file, ()):

@@ -31,7 +31,9 @@ def _locations(cursor: Cursor, ranges: Iterable[Range]) -> list[types.Location]:
 def _references(project: Project, cursor: Cursor, params: Any) -> list[types.Location]:
     symbols_here = cursor.index.symbols(cursor)
     ranges = cursor.index.ranges(symbols_here, project.other_files() if symbols_here else ())
-    wanted = (found for found in ranges if params.context.include_declaration or not found.is_declaration)
+    wanted = (
+        name_range for name_range in ranges if params.context.include_declaration or not name_range.is_declaration
+    )
     return _locations(cursor, wanted)
 
 

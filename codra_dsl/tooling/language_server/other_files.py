@@ -66,7 +66,7 @@ class OtherFile:
 
 @lru_cache(maxsize=32)
 def other_file(document: Document, file: str) -> OtherFile:
-    """Return what a site or a timeline names."""
+    """Return the names in a site or a timeline."""
     kind = _KIND.search(document.text)
     if kind is None:
         return OtherFile()

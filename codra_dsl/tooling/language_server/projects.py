@@ -142,9 +142,9 @@ class Project:
         return lint_paths(paths, self.root, texts, timings, results, inspect=inspect).diagnostics if paths else ()
 
     def _keep_names(self, texts: Texts, key: str, spec: Spec, checked: CheckedSpec | None) -> None:
-        """Keep the names of a spec. While its text is broken, those of the last text that was not are kept."""
+        """Keep the names of a spec. While its text cannot be read, the names from the last readable text are kept."""
         names = SpecNames(spec, checked, texts)
-        if names.is_whole or key not in self._specs or not self._specs[key].is_whole:
+        if names.is_complete or key not in self._specs or not self._specs[key].is_complete:
             self._specs[key] = names
 
     def _paths(self, texts: Mapping[str, bytes]) -> list[Path]:

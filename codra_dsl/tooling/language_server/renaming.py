@@ -33,16 +33,16 @@ def renameable(cursor: Cursor) -> Range:
     Raises:
         RefusedError: if there is no name, or if it cannot be changed.
     """
-    found = [name_range for _, name_range in cursor.index.at(cursor)]
-    names = sorted({name_range.symbol.name for name_range in found})
-    if not found:
+    name_ranges = [name_range for _, name_range in cursor.index.at(cursor)]
+    names = sorted({name_range.symbol.name for name_range in name_ranges})
+    if not name_ranges:
         raise RefusedError(_reason_without_name(cursor))
-    if found[0].symbol.section == "spec":
+    if name_ranges[0].symbol.section == "spec":
         raise RefusedError("the name of a spec is also the name of its generated package, which programs import")
-    if not found[0].is_written:
-        written = shown(cursor.document.text[found[0].start : found[0].end])
+    if not name_ranges[0].is_written:
+        written = shown(cursor.document.text[name_ranges[0].start : name_ranges[0].end])
         raise RefusedError(f"a template makes {' and '.join(names)} from {written}")
-    return found[0]
+    return name_ranges[0]
 
 
 def _reason_without_name(cursor: Cursor) -> str:
@@ -96,7 +96,7 @@ def _refuse_unread_names(index: Index, specs: Iterable[SpecNames], other_files: 
     spec_names = {"", *(names.spec.name for names in specs)}
     others = ((file, other_file(index.texts.document(file), file)) for file in other_files)
     unread = [file for file, other in others if not other.is_readable and other.spec in spec_names]
-    unread += [names.spec.file for names in specs if not index.is_current(names) or not names.is_whole]
+    unread += [names.spec.file for names in specs if not index.is_current(names) or not names.is_complete]
     for section, damaged in (item for names in specs for item in names.spec.damaged.items()):
         unread += [f"{NOUNS[section]} '{name}'" for name in sorted(damaged) if section != "spec"]
     if unread:

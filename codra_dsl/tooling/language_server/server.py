@@ -1,4 +1,4 @@
-"""The server: open documents, when projects are linted, and what is sent to the client.
+"""The server: open documents, when projects are linted, and the messages to the client.
 
 Requests are answered on the main thread, from the newest complete result. One worker thread lints, so that no request
 waits for it. While a project is being linted, newer texts wait; then only the newest of them are linted.

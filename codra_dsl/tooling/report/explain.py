@@ -1,6 +1,6 @@
 """Pages about kinds of findings.
 
-Each page states what the finding means for a robot, and shows a spec with this finding and the corrected spec.
+Each page states the consequence of the finding for a robot, and shows a spec with this finding and the corrected spec.
 """
 
 from __future__ import annotations

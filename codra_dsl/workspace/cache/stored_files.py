@@ -29,13 +29,13 @@ class StoredFile:
     """A file in the cache folder. Only what this version of codra has stored there for its user is read."""
 
     def __init__(self, root: Path, secret: bytes, name: str, key: str) -> None:
-        """Initialize; `key` states what the file is for. A file that is moved to another project or key is not read."""
+        """Initialize; `key` states the purpose of the file. A file for another project or key is not read."""
         self._file = root / FOLDER / name
         self._secret = secret
         self._key = f"{os.path.realpath(root)}\0{key}"
 
     def read(self) -> Mapping[str, Any] | None:
-        """Return the stored record, or None if there is none, or if somebody else or another version stored it."""
+        """Return the stored record, or None if there is none, or if another user or another version stored it."""
         try:
             written_signature, _, data = read_regular_file(self._file, _MAX_BYTES).partition(b"\n")
             if not hmac.compare_digest(written_signature, signature(self._secret, self._key, data)):

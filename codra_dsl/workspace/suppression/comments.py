@@ -24,7 +24,7 @@ _COMMENT_IN_INVALID_TEXT = re.compile(r"(?:^|(?<=\s))(?P<comment>#[^\r\n]*)", re
 def comments(text: str) -> Iterator[tuple[int, int]]:
     """Yield the range of each comment, from `#` to the end of its line.
 
-    In a text that is not valid YAML, the rest after the last scalar before the error has no known scalars. There, each
+    If a text is not valid YAML, scalars after the last scalar before the error are not known. There, each
     `#` at the beginning of a line or after a blank begins a comment.
     """
     position = 0

@@ -189,7 +189,7 @@ class _SettingsReader:
         Args:
             code: the value.
             steps: the path of the value in the document.
-            forbidden_use: what codes of binding errors cannot be, such as `ignored`; empty if these codes are allowed.
+            forbidden_use: the use that codes of binding errors do not allow, such as `ignored`; empty for none.
         """
         if not isinstance(code, str):
             self._report_wrong_setting("a code must be a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)

@@ -142,7 +142,7 @@ class _Suppressions:
                     ).append(suppression)
 
     def remaining_findings(self, diagnostic: Diagnostic) -> tuple[Diagnostic, ...]:
-        """Return what is left of a finding: nothing, the finding, or findings for the uses that are not silenced."""
+        """Return the rest of a finding: nothing, the finding, or findings for the uses that are not silenced."""
         if not self._suppressions_by_line or diagnostic.rule.is_binding:
             return (diagnostic,)
         if self._silence(diagnostic.code, diagnostic.place.span):
@@ -179,7 +179,7 @@ class _Suppressions:
             for index, code in enumerate(suppression.codes):
                 yield from self._code_findings(suppression, index, code, is_complete=is_complete)
             if suppression.used_codes and not suppression.has_reason:
-                message = "the comment does not say why it silences findings"
+                message = "the comment does not state why it silences findings"
                 help = f"write the reason after the code: # codra: ignore[{suppression.codes[0].text}] REASON"
                 yield _create_finding("suppression-without-reason", message, suppression.span, help)
 

@@ -166,10 +166,10 @@ def _share_in_view(machine: Machine, part: Part, frame: Frame) -> float:
     """Return the percentage of the corners of a part's tags that a frame shows; 0 if the part could not be localised.
 
     A detected tag is shown with all four corners. A tag that the edge of the image cuts cannot be detected. The pose
-    from the other tags tells which corners of a cut tag are inside the image, and these corners are shown. All other
-    undetected tags are taken to be hidden or to face away. In 500 views, the share lies on the correct side of 50 % in
-    93 of 100 cases. In one of 100 cases the share is too large. In six of 100 cases the share is too small; these are
-    parts whose tags are seen at a slant.
+    from the other tags determines which corners of a cut tag are inside the image, and these corners are shown. All
+    other undetected tags are taken to be hidden or to face away. In 500 views, the share lies on the correct side of
+    50 % in 93 of 100 cases. In one of 100 cases the share is too large. In six of 100 cases the share is too small;
+    these are parts whose tags are seen at a slant.
     """
     pose = _localized_part(machine, part, frame)
     if pose is None:

@@ -20,7 +20,7 @@ _NEEDED_WHITE_OVER_NOISE = 12.0
 """How bright white must be for the detector to find tags of 20 to 30 pixels, in standard deviations of the noise."""
 
 _NEEDED_WHITE_GREYS = 10.0
-"""How bright white must be if there is no noise. This is the detector's own threshold."""
+"""The least brightness of white without noise. This is the detector's own threshold."""
 
 _SATURATED_GREYS = 250
 _SATURATED_LIMIT = 0.2

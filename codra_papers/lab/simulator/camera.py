@@ -278,7 +278,7 @@ class _Renderer:
     def expose(self, states: Sequence[LabState]) -> Pixels:
         """Return the average picture of the room in some states, in ordinary light and through a perfect lens.
 
-        If there is one state, and it looks like the last such state, the picture of the last such state is returned.
+        The picture of a single state is kept, and returned again if the next single state looks the same.
         """
         if len(states) > 1:
             return _average([self._draw(state) for state in states])

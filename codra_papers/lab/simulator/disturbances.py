@@ -10,7 +10,7 @@ import numpy as np
 
 from codra_papers.lab.perception.layout import Part
 from codra_papers.lab.simulator.laboratory import LidMoved, LightDown, PersonBefore
-from codra_papers.lab.simulator.world import OUTSIDE, JointKey, LabWorld, Move, Quantity, straight
+from codra_papers.lab.simulator.world import OUTSIDE, JointKey, LabWorld, Move, Quantity, straight_path
 
 LID_S = 3.0
 """How long a person takes to open or close a lid. The robot's hand needs longer to reach a lid."""
@@ -61,8 +61,8 @@ def _move_lid(world: LabWorld, clock: Clock, lid_moved: LidMoved) -> None:
     So two hands never move the same lid.
     """
     now_s, key = clock.now_s(), JointKey(lid_moved.machine, Part.LID)
-    hand_is_back = world.values(Quantity.REACH, now_s) == (0.0,) and world.rests(Quantity.REACH, now_s)
-    if not (hand_is_back and world.rests(key, now_s)):
+    hand_is_back = world.values(Quantity.REACH, now_s) == (0.0,) and world.is_at_rest(Quantity.REACH, now_s)
+    if not (hand_is_back and world.is_at_rest(key, now_s)):
         clock.call_at(now_s + _RETRY_S, partial(_move_lid, world, clock, lid_moved))
         return
     low_rad, high_rad = world.laboratory.machine(lid_moved.machine).joint(Part.LID).range_rad
@@ -78,14 +78,14 @@ def _step_in(world: LabWorld, clock: Clock, person_before: PersonBefore) -> None
     left = np.array([-forward[1], forward[0]])
     spot_m = map_from_camera.translation_m[:2] + PERSON_AHEAD_M * forward
     place_m, outside_place_m = ((float(x_m), float(y_m)) for x_m, y_m in (spot_m, spot_m + PERSON_ASIDE_M * left))
-    path_in, path_out = straight(outside_place_m, place_m), straight(place_m, outside_place_m)
+    path_in, path_out = straight_path(outside_place_m, place_m), straight_path(place_m, outside_place_m)
     moves = (
-        Move(channel=Quantity.PERSON, path=straight(OUTSIDE, outside_place_m), duration_s=0.0),
+        Move(channel=Quantity.PERSON, path=straight_path(OUTSIDE, outside_place_m), duration_s=0.0),
         Move(channel=Quantity.PERSON, path=path_in, duration_s=STEP_S),
         Move(channel=Quantity.PERSON, path=path_out, duration_s=STEP_S, delay_s=person_before.lasts_s),
         Move(
             channel=Quantity.PERSON,
-            path=straight(outside_place_m, OUTSIDE),
+            path=straight_path(outside_place_m, OUTSIDE),
             duration_s=0.0,
             delay_s=person_before.lasts_s + STEP_S,
         ),
@@ -96,7 +96,7 @@ def _step_in(world: LabWorld, clock: Clock, person_before: PersonBefore) -> None
 def _dim(world: LabWorld, clock: Clock, light_down: LightDown) -> None:
     before, after = (world.laboratory.light,), (light_down.light,)
     moves = (
-        Move(channel=Quantity.LIGHT, path=straight(before, after), duration_s=FADE_S),
-        Move(channel=Quantity.LIGHT, path=straight(after, before), duration_s=FADE_S, delay_s=light_down.lasts_s),
+        Move(channel=Quantity.LIGHT, path=straight_path(before, after), duration_s=FADE_S),
+        Move(channel=Quantity.LIGHT, path=straight_path(after, before), duration_s=FADE_S, delay_s=light_down.lasts_s),
     )
     world.schedule(clock.now_s(), moves)

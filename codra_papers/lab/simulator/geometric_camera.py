@@ -80,7 +80,7 @@ def _tags_of(machine: Machine, part: Part) -> _PartTags:
 
 
 class GeometricCamera:
-    """Computes what the arm camera sees in a state. Only one thread may use it at a time."""
+    """Computes the view of the arm camera in a state. Only one thread may use it at a time."""
 
     def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
         self._stage = Stage(laboratory)
@@ -102,7 +102,7 @@ class GeometricCamera:
         is_seen = _inside_image(map_from_camera.inverse().apply(corners_m))
         is_seen &= np.einsum("ij,ij->i", map_from_camera.translation_m - corners_m, normals) > 0
         if is_seen.any():
-            is_seen[is_seen] = self._unhidden(state, map_from_camera.translation_m, corners_m[is_seen])
+            is_seen[is_seen] = self._visible_points(state, map_from_camera.translation_m, corners_m[is_seen])
         ends = np.cumsum([len(_tags_of(machine, part).corners_m) for machine, part in machine_parts])
         return tuple(float(share.mean()) for share in np.split(is_seen, ends[:-1]))
 
@@ -125,7 +125,7 @@ class GeometricCamera:
             return None
         corners_px = INTRINSICS.project(corners_m)
         grid_m = map_from_tag.apply(_square(tag.size_m * TILE_PER_TAG, _GRID))
-        is_unhidden = self._unhidden(state, map_from_camera.translation_m, grid_m)
+        is_unhidden = self._visible_points(state, map_from_camera.translation_m, grid_m)
         last = np.array([INTRINSICS.width - 1.0, INTRINSICS.height - 1.0])
         return TagInView(
             tag_id=tag.tag_id,
@@ -135,7 +135,7 @@ class GeometricCamera:
             covered=1.0 - float(np.count_nonzero(is_unhidden)) / len(is_unhidden),
         )
 
-    def _unhidden(self, state: LabState, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
+    def _visible_points(self, state: LabState, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
         """Return a mask, shape (n,), of the points that a ray from the eye reaches. Points are given in the map."""
         if state is not self._placed_state:
             self._stage.place(state)

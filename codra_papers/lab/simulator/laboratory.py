@@ -66,7 +66,7 @@ class Mount(StrEnum):
     """On the arm, behind the hand: each movement of the arm moves the camera."""
 
     PAN_TILT = "pan-tilt"
-    """On a mast of the base. The camera is pointed at the machine that the robot tends, whatever the arm does."""
+    """On a mast of the base. The camera is pointed at the machine that the robot tends, regardless of the arm."""
 
 
 Disturbance = LidMoved | PersonBefore | LightDown

@@ -1,6 +1,6 @@
 """The laboratory as a MuJoCo model: the tags and joints of layout.py, bodies with the tags, a room and the robot.
 
-There is no physics: a `Stage` shows one state of the laboratory, either to draw the state or to cast rays.
+The model has no physics: a `Stage` shows one state of the laboratory, either to draw the state or to cast rays.
 """
 
 from __future__ import annotations

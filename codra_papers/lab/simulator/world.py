@@ -174,7 +174,7 @@ class _Track:
     def end_s(self) -> float:
         return self.segments[-1].end_s if self.segments else -1.0
 
-    def rests(self, t_s: float) -> bool:
+    def is_at_rest(self, t_s: float) -> bool:
         return self.end_s() <= t_s
 
     def moves_within(self, start_s: float, end_s: float) -> bool:
@@ -269,10 +269,10 @@ class LabWorld:
         with self._lock:
             return self._tracks[channel].at(t_s)
 
-    def rests(self, channel: Channel, t_s: float) -> bool:
+    def is_at_rest(self, channel: Channel, t_s: float) -> bool:
         """Return whether a channel is at rest at an instant and afterwards, according to the moves scheduled so far."""
         with self._lock:
-            return self._tracks[channel].rests(t_s)
+            return self._tracks[channel].is_at_rest(t_s)
 
     def moves_to(
         self, now_s: float, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0
@@ -280,7 +280,7 @@ class LabWorld:
         """Return the move of a channel on a straight path from its values when the move starts to other values."""
         with self._lock:
             start = self._tracks[channel].right_after(now_s + delay_s)
-        return Move(channel=channel, path=straight(start, values), duration_s=duration_s, delay_s=delay_s)
+        return Move(channel=channel, path=straight_path(start, values), duration_s=duration_s, delay_s=delay_s)
 
     def state(self, t_s: float) -> LabState:
         """Return the state at an instant."""
@@ -335,7 +335,7 @@ class LabWorld:
         return planar(x_m, y_m, heading_rad) @ self._localization_error.at(t_s, is_localized=is_localized)
 
 
-def straight(start: Values, end: Values) -> Path:
+def straight_path(start: Values, end: Values) -> Path:
     """Return the straight path from one tuple of values to another."""
 
     def path(progress: float) -> Values:

@@ -37,7 +37,7 @@ CHECKS: Mapping[str, Callable[[int], None]] = {
     **{
         situation.name.lower().replace("_", "-"): partial(_check_loops, situation, check)
         for situation, check in {
-            Situation.ORDINARY: loops.test_an_ordinary_order_is_delivered_and_the_result_says_so,
+            Situation.ORDINARY: loops.test_an_ordinary_order_is_delivered_and_counted_as_done,
             Situation.SECOND_ORDER: (
                 loops.test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead
             ),

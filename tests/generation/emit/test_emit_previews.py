@@ -82,7 +82,7 @@ def test_the_digest_of_a_spec_changes_with_a_condition_of_a_preview_only_if_ther
         (("locked == false, ", ""), Category.UNDECLARED, "no longer previews 'locked'"),
     ],
 )
-def test_a_diff_says_how_a_preview_has_changed(edit: tuple[str, str], category: Category, message: str) -> None:
+def test_a_diff_states_how_a_preview_has_changed(edit: tuple[str, str], category: Category, message: str) -> None:
     changes = [change for change in review_edits(CASE, edit).changes if change.element == "cell/skill/open_lid"]
     assert (category, message) in [(change.category, change.message) for change in changes]
 

@@ -140,13 +140,13 @@ def test_a_repetition_that_the_graph_refuses_fails_with_the_place_of_what_is_rep
             run.until(2.0)
 
 
-def test_a_program_that_opens_the_loops_of_a_story_is_told_that_they_exist() -> None:
+def test_a_program_that_opens_the_loops_of_a_story_gets_an_error() -> None:
     run = run_of_only_story(f"{STORE}stories: {{case: {{0 s: {{loops: {{mission: runs}}}}, 2 s: {{}}}}}}\n")
     with run, pytest.raises(AgentTakenError) as error_info:
         Mape(run.codra, MAPE, clock=run.clock, robot=StatedRobot(run.clock))
     assert str(error_info.value) == (
-        "the loops cannot write as agent 'analysis': it has an open handle, as when other loops exist for this context "
-        "manager; close it, and in a story let either 'loops' of the story or the program run the loops"
+        "the loops cannot write as agent 'analysis': it has an open handle (perhaps of other loops): close it. "
+        "In a story, run the loops either by 'loops' of the story or by the program"
     )
     assert error_info.value.__suppress_context__
 

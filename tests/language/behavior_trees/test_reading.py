@@ -417,7 +417,10 @@ MARKED = '<AlwaysSuccess _mark="1"/>'
         (f"\n{MARKED} <!-- codra: ignore[CDR3309] the editor needs it -->\n", []),
         (f"\n<!-- codra: ignore[CDR3309] the editor needs it -->\n<!-- more -->\n{MARKED}\n", []),
         (f"<!-- codra: ignore[CDR3309] the editor needs it -->{MARKED}", []),
-        (f"\n{MARKED} <!-- codra: ignore[CDR3309] -->\n", [(2, "CDR7902", "the comment does not say why it silences")]),
+        (
+            f"\n{MARKED} <!-- codra: ignore[CDR3309] -->\n",
+            [(2, "CDR7902", "the comment does not state why it silences")],
+        ),
         (
             f"\n<!-- codra: ignore[CDR3309] why -->\n<Inverter>\n{MARKED}</Inverter>",
             [(2, "CDR7901", "'CDR3309' silences nothing: "), (4, "CDR3309", "'_mark' has no effect")],

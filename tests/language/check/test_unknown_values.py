@@ -165,7 +165,7 @@ def test_a_parameter_of_the_same_loop_stays_valid_while_the_loop_runs_and_that_o
     ]
 
 
-def test_the_finding_points_to_the_value_and_tells_why_its_inputs_become_unknown() -> None:
+def test_the_finding_is_at_the_value_and_states_why_its_inputs_become_unknown() -> None:
     (finding,) = (
         finding
         for finding in findings(SPEC.replace("VALUE", "0.3 m/s if seen or door_open else 1.2 m/s"))

@@ -102,7 +102,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> RecordedRuns:
     return RecordedRuns(tmp_path_factory.mktemp, SEEDS)
 
 
-def test_an_ordinary_order_is_delivered_and_the_result_says_so(runs: RecordedRuns) -> None:
+def test_an_ordinary_order_is_delivered_and_counted_as_done(runs: RecordedRuns) -> None:
     run = runs.of(Situation.ORDINARY)
 
     assert store_text(run.run).startswith("150.0 s\norders              1 done\nmissions completed  1 (delivery)\n")

@@ -291,7 +291,7 @@ def run_previews(path: Path) -> Journal:
     return journal
 
 
-def test_each_preview_is_one_event_that_says_who_decided_it(tmp_path: Path) -> None:
+def test_a_preview_is_one_event_that_states_who_decided_it(tmp_path: Path) -> None:
     run_previews(tmp_path / "run.mcap")
     header, events = read(tmp_path / "run.mcap")
     previews = [event for event in events if event.kind is Kind.PREVIEW]

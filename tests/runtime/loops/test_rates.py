@@ -111,7 +111,7 @@ def test_a_share_is_the_part_of_the_known_instants_at_which_the_bool_was_true(
     assert observed.value == (None if expected is None else pytest.approx(expected))
 
 
-def test_a_share_is_unknown_while_its_variable_is_and_tells_how_long_it_was_known() -> None:
+def test_a_share_is_unknown_while_its_variable_is_and_states_how_long_it_was_known() -> None:
     unknown = Observation(variable="bumped", because="stale")
     assert observe_rate(BUMPY, bool_history((90.0, True, 99.0)), unknown, 100.0).because == "bumped is unknown"
     observed = observe_rate(BUMPY, bool_history((95.0, True, 200.0)), TRUE, 100.0)

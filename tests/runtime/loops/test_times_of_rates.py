@@ -160,7 +160,7 @@ def test_a_hard_rule_decides_when_an_override_alone_has_lasted_for_its_time() ->
     assert docked_s == [pytest.approx(PHASE_S + 4.0)]
 
 
-def test_why_tells_what_a_rate_lacks_and_how_its_input_is() -> None:
+def test_why_states_the_reason_of_an_unknown_rate_and_the_state_of_its_input() -> None:
     shop = shop_with(ROUGH)
     shop.clock.sleep(0.25)
     shop.write(bumped=True)
@@ -185,7 +185,7 @@ def test_why_tells_what_a_rate_lacks_and_how_its_input_is() -> None:
 
 
 @pytest.mark.parametrize(("rate", "message"), [(LONG, "must be for 5 s"), (DRAIN, "must be for 10 s")])
-def test_why_tells_since_when_the_readings_of_a_rate_count(rate: RateModel, message: str) -> None:
+def test_why_states_since_when_the_readings_of_a_rate_count(rate: RateModel, message: str) -> None:
     shop = shop_with(rate)
     for _ in range(8):
         shop.write(bumped=True, battery=80.0)

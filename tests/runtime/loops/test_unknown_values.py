@@ -186,7 +186,7 @@ def test_replay_and_why_agree_with_the_run(tmp_path: Path) -> None:
             assert str(explanation) == str(shop.codra.why(name, at_s=at_s))
 
 
-def test_why_tells_what_is_unknown_now_and_since_when() -> None:
+def test_why_names_the_inputs_that_are_unknown_now_and_since_when() -> None:
     shop = Shop(mape())
     shop.begin()
     shop.write(person=6.0)
@@ -200,7 +200,7 @@ def test_why_tells_what_is_unknown_now_and_since_when() -> None:
     ]
 
 
-def test_why_tells_what_became_unknown_after_the_last_change_even_if_the_value_is_known() -> None:
+def test_why_names_inputs_that_became_unknown_after_the_last_change_even_if_the_value_is_known() -> None:
     shop = Shop(mape(replace(DIRECT, value=choose(0.3, value("bumped") | (value("person_distance") < 1.5), 1.2))))
     shop.begin()
     shop.write(bumped=True)
@@ -209,7 +209,7 @@ def test_why_tells_what_became_unknown_after_the_last_change_even_if_the_value_i
     assert any("person_distance has been unknown since" in line for line in shop.codra.why("max_speed").story)
 
 
-def test_why_tells_since_when_a_rate_is_unknown_although_each_analysis_computes_it() -> None:
+def test_why_states_since_when_a_rate_is_unknown_although_every_analysis_computes_it() -> None:
     shop = Shop(mape(replace(DIRECT, value=choose(0.3, value("battery_drain") > 1.0, 1.2))))
     shop.mape.start()
     shop.pass_s(5.0)

@@ -116,7 +116,7 @@ def test_a_precondition_that_fails_cancels_a_job_only_while_its_evidence_is_bein
 
 
 @pytest.mark.parametrize("snapshot", [False, True])
-def test_a_precondition_that_flips_and_returns_between_ticks_voids_evidence_whose_interval_was_open(
+def test_a_precondition_that_fails_and_holds_again_between_ticks_voids_evidence_whose_interval_was_open(
     snapshot: bool,
 ) -> None:
     """Evidence that was complete before is not voided."""
@@ -154,13 +154,13 @@ def test_evidence_that_takes_part_of_a_job_is_open_until_the_job_reports_it() ->
         job.sleep(1.0)
         return {"angle": 1.0, "markers": 4}
 
-    for flip_s, counts in [(0.25, False), (0.75, False), (1.25, True), (1.75, True)]:
+    for change_s, counts in [(0.25, False), (0.75, False), (1.25, True), (1.75, True)]:
         with started(Door(instead=exposes), GIVEN_NEAR) as (manager, clock):
             manager.declare("open")
-            clock.sleep(flip_s)
+            clock.sleep(change_s)
             manager.set("near", False)
             clock.sleep(10)
-            assert (manager.get("open").known, flip_s) == (counts, flip_s)
+            assert (manager.get("open").known, change_s) == (counts, change_s)
 
 
 def exposes_late(job: Job) -> object:

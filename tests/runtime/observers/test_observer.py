@@ -452,7 +452,7 @@ def test_the_least_interval_is_from_start_to_start_although_jobs_wait_for_a_slot
     assert starts_s == [3.5, 6.5, 9.5, 12.5]
 
 
-def test_a_condition_with_an_age_looks_again_when_it_flips() -> None:
+def test_a_condition_with_an_age_looks_again_when_its_result_changes() -> None:
     """The condition `not known(a) or age(a) > 10 s` depends on the observer's own variable."""
     eye = seen("eye", "a", when=[~known("a") | (age("a") > 10.0)])
     world = World({"eye": takes(0.5, YES, snapshot=True)})

@@ -194,7 +194,9 @@ class Session:
         """Ask for code actions at a place, with the findings there, as editors do."""
         place = self._buffer(self._uri(path)).place_of(body.rstrip("\n"))
         published = self._editor.published.get(self._uri(path))
-        findings = [found for found in (published.diagnostics if published else ()) if _overlap(found.range, place)]
+        findings = [
+            finding for finding in (published.diagnostics if published else ()) if _overlap(finding.range, place)
+        ]
         params = types.CodeActionParams(self._document(path), place, types.CodeActionContext(findings))
         actions = self._ask("code_action", params)
         self._offered = {action.title: action for action in actions or ()}
@@ -254,7 +256,7 @@ class Session:
                 for uri, buffer in self._editor.buffers.items()
                 if not uri.startswith("untitled:") and path_of(uri).is_relative_to(root)
             }
-            spans = ((found.code, found.place.span) for found in lint_paths([root], root, texts).diagnostics)
+            spans = ((finding.code, finding.place.span) for finding in lint_paths([root], root, texts).diagnostics)
             findings.update((code, f"{root.name}/{span.file}", span.line) for code, span in spans)
         return findings
 

@@ -82,9 +82,9 @@ def test_other_texts_are_not_described(workspace: Workspace) -> None:
 
 
 def test_the_symbols_of_a_file_are_its_declarations(workspace: Workspace) -> None:
-    found = symbols(workspace.cursor("hall.yaml", ""))
+    outline = symbols(workspace.cursor("hall.yaml", ""))
 
-    assert [(symbol.name, symbol.detail) for symbol in found] == [
+    assert [(symbol.name, symbol.detail) for symbol in outline] == [
         ("near", "context"),
         ("place", "context"),
         ("both", "context"),
@@ -98,7 +98,7 @@ def test_the_symbols_of_a_file_are_its_declarations(workspace: Workspace) -> Non
         ("find_door", "perception"),
         ("enter", "skills"),
     ]
-    algorithm = found[-2]
+    algorithm = outline[-2]
     assert (algorithm.range.start.line, algorithm.range.end.line) == (26, 35)
 
 

@@ -29,11 +29,11 @@ def references(workspace: Workspace, cursor: Cursor) -> list[str]:
 
 @pytest.mark.parametrize("spec", ["kitchen", "lab", "store"])
 def test_every_name_of_a_spec_is_found_at_its_exact_place(spec: str) -> None:
-    found: list[SpecNames] = []
+    specs: list[SpecNames] = []
     texts = Texts(ROOT, {})
-    lint_paths([ROOT / f"specs/{spec}.yaml"], ROOT, inspect=lambda _, *loaded: found.append(SpecNames(*loaded, texts)))
+    lint_paths([ROOT / f"specs/{spec}.yaml"], ROOT, inspect=lambda _, *loaded: specs.append(SpecNames(*loaded, texts)))
 
-    for file, ranges in found[0].ranges.items():
+    for file, ranges in specs[0].ranges.items():
         text = texts.document(file).text
         for name_range in ranges:
             written = text[name_range.start : name_range.end]
@@ -91,7 +91,7 @@ def test_the_text_of_a_template_has_the_references_of_all_its_uses(workspace: Wo
 def test_a_template_and_an_included_file_are_found_by_name(workspace: Workspace) -> None:
     assert definitions(workspace, workspace.cursor("hall.yaml", "front: {template: shut")) == ["hall.yaml:12 shutter"]
     cursor = workspace.cursor("hall.yaml", "include: [parts/li")
-    assert [found.file for found in cursor.index.definitions(cursor)] == ["parts/lights.yaml"]
+    assert [name_range.file for name_range in cursor.index.definitions(cursor)] == ["parts/lights.yaml"]
 
 
 def test_a_returned_value_is_another_name_than_a_variable(tmp_path: Path) -> None:
@@ -106,8 +106,8 @@ def test_a_part_of_two_specs_has_the_references_of_both(tmp_path: Path) -> None:
     other = "codra: 1\nname: other\ninclude: [parts/lights.yaml]\nskills: {go: {preview: [lamp]}}\n"
     workspace = Workspace(tmp_path, {**FILES, "other.yaml": other})
 
-    found = references(workspace, workspace.cursor("hall.yaml", "derived: near and la"))
-    assert {"other.yaml:4 lamp", "hall.yaml:7 lamp", "parts/lights.yaml:3 lamp"} <= set(found)
+    places = references(workspace, workspace.cursor("hall.yaml", "derived: near and la"))
+    assert {"other.yaml:4 lamp", "hall.yaml:7 lamp", "parts/lights.yaml:3 lamp"} <= set(places)
 
 
 def test_while_text_is_broken_names_outside_of_the_change_are_still_found(workspace: Workspace) -> None:

@@ -65,13 +65,13 @@ class Client:
 
     async def findings(self, file: str, version: int | None) -> list[dict[str, Any]]:
         """Wait for the findings about a version of a file."""
-        found = await self._wait(
+        notification = await self._wait(
             lambda received: (
                 received.get("method") == "textDocument/publishDiagnostics"
                 and (received["params"]["uri"], received["params"].get("version")) == (self.uri(file), version)
             )
         )
-        diagnostics: list[dict[str, Any]] = found["params"]["diagnostics"]
+        diagnostics: list[dict[str, Any]] = notification["params"]["diagnostics"]
         return diagnostics
 
 

@@ -123,5 +123,5 @@ class Workspace:
         """Return ranges as `FILE:LINE TEXT`."""
         return [f"{one.file}:{self._line(one)} {self.texts[one.file][one.start : one.end]}" for one in ranges]
 
-    def _line(self, found: Range) -> int:
-        return self.texts[found.file].count("\n", 0, found.start) + 1
+    def _line(self, name_range: Range) -> int:
+        return self.texts[name_range.file].count("\n", 0, name_range.start) + 1

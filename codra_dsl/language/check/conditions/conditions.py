@@ -18,7 +18,7 @@ from codra_dsl.language.expression import (
     parse_derivation,
     walk,
 )
-from codra_dsl.language.expression.fallbacks import meant_fallbacks
+from codra_dsl.language.expression.fallbacks import intended_fallbacks
 from codra_dsl.language.expression.tokens import with_escapes
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import (
@@ -260,21 +260,21 @@ def judge(site: Site, tree: Node, readable_types: Types, wanted_type: Type | Non
     typed, problems = infer(tree, readable_types, reads_context=reads_context)
     if not problems and wanted_type is not None:
         problems = tuple(fit(typed, wanted_type, site.variable or "", may_map=site.role is Role.IDENTIFIES))
-    meant_text = _with_parentheses(site, tree, readable_types) if problems and site.role is Role.DERIVED else None
-    if meant_text is not None:
-        problems = (replace(problems[0], help=f"write {with_escapes(meant_text)}"),)
+    intended_text = _with_parentheses(site, tree, readable_types) if problems and site.role is Role.DERIVED else None
+    if intended_text is not None:
+        problems = (replace(problems[0], help=f"write {with_escapes(intended_text)}"),)
     return Judgement(site, typed, problems)
 
 
 def _with_parentheses(site: Site, tree: Node, readable_types: Types) -> str | None:
     """Return an expression with parentheses around `x else y`, if it then has no problem; otherwise None."""
     text = site.condition.text
-    for start, end in meant_fallbacks(tree):
+    for start, end in intended_fallbacks(tree):
         has_name = any(start <= name.start < end for name in names_in(tree))
         if not has_name or (start, end) == (tree.start, tree.end):
             continue  # `2 m else 3 m` is never meant
-        meant_text = f"{text[:start]}({text[start:end]}){text[end:]}"
-        meant_tree = parse_derivation(meant_text)
-        if isinstance(meant_tree, Node) and not infer(meant_tree, readable_types, reads_context=True)[1]:
-            return meant_text
+        intended_text = f"{text[:start]}({text[start:end]}){text[end:]}"
+        intended_tree = parse_derivation(intended_text)
+        if isinstance(intended_tree, Node) and not infer(intended_tree, readable_types, reads_context=True)[1]:
+            return intended_text
     return None

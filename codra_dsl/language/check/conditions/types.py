@@ -154,7 +154,7 @@ def infer_condition(node: Node, types: Types, *, reads_context: bool) -> tuple[T
 
 
 def unknown_member_problems(value: Typed, wanted_type: Type, owner: str) -> list[Problem]:
-    """Return the problems of the literal texts in a value that are no members of an enum of `owner`."""
+    """Return the problems of the literal texts in a value that are not members of an enum of `owner`."""
     inference = _Inference({}, reads_context=False)
     inference.check_members(value, wanted_type, owner)
     return inference.problems

@@ -1,4 +1,4 @@
-"""Rules about derived variables: nobody writes them, and they follow from something."""
+"""Rules about derived variables: they have no writer and at least one input."""
 
 from __future__ import annotations
 

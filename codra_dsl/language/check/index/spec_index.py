@@ -60,7 +60,7 @@ TYPE_KEYS = ("type", "unit", "values")
 """The keys that define the type of a variable or returned value."""
 
 NEED_KEYS = ("observable_when", "given")
-"""The keys that define what an algorithm needs."""
+"""The keys that define the needs of an algorithm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,9 +273,10 @@ class SpecIndex:
                 names_by_algorithm[site.owner[1]].update(name.name for name in site.names)
         return {name: frozenset(names) for name, names in names_by_algorithm.items()}
 
-    def other_kind(self, name: str, wanted: str) -> str | None:
-        """Return the kind of an element with this name outside the section `wanted`; None if there is none."""
-        return next((NOUNS[section] for section in NOUNS if section != wanted and self.declares(section, name)), None)
+    def kind_elsewhere(self, name: str, section: str) -> str | None:
+        """Return the kind of an element with this name in another section; None if there is none."""
+        others = (other for other in NOUNS if other != section)
+        return next((NOUNS[other] for other in others if self.declares(other, name)), None)
 
     def nearest_name(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
         """Return the most likely candidate for an unknown name. `kind` identifies the candidates in the cache."""

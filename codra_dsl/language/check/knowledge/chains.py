@@ -123,12 +123,12 @@ class _RuleDependencies:
         )
 
     def achievers(self, pattern: Pattern) -> Iterator[_Rule]:
-        """Yield the rules of which one must act to make a pattern, or a part of the pattern, true."""
+        """Yield the rules that can make a pattern, or a part of the pattern, true; at least one of them must act."""
         for achievers_of_part in self._achievers_of_parts(pattern) or ():
             yield from achievers_of_part
 
     def _achievers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
-        """Return, for each part of a pattern, the rules of which one must act to make the part true.
+        """Return, for each part of a pattern, the rules that can make the part true; at least one of them must act.
 
         The entry of a part that can become true without rules is (). If nothing can make some part true, return None.
         """
@@ -151,7 +151,7 @@ class _RuleDependencies:
         )
 
     def _achievers_of_step(self, step: Step) -> tuple[_Rule, ...] | None:
-        """Return the rules of which one must act before an edge exists; () if the edge may exist without a rule."""
+        """Return the rules that can make an edge exist; one of them must act. () if the edge may exist without one."""
         task = self.declared_graph.task_of(step.origin, step.link.edge, step.target)
         if task is not None:
             if step.link.edge == TaskState.ABORTED:  # a deadline can always abort a task
@@ -204,7 +204,7 @@ class _RuleDependencies:
         return tuple(dict.fromkeys(achievers)) or None
 
     def _achievers_of_condition(self, pattern: Pattern) -> tuple[_Rule, ...] | None:
-        """Return the rules of which one must act before a condition over one value can hold; () if no rule must."""
+        """Return the rules that can make a condition over one value true; one must act. () if no rule must act."""
         names = {name.name for name in names_in_pattern(pattern)}
         name = names.pop() if len(names) == 1 else ""
         element = self.declared_graph.element_read_by(name) if name else None

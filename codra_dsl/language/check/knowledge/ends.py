@@ -42,7 +42,7 @@ def wrong_ends(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagno
 def _state_without_task_findings(declared_graph: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
     """Yield the finding about a task state on an edge that is not the edge of a task.
 
-    `some task` and `anything` match any task, so such a target is no mistake.
+    `some task` and `anything` match any task, so such a target is allowed.
     """
     task = declared_graph.tasks.get(step.target.name)
     if not step.target.name and step.target.type in ("", "task"):
@@ -103,7 +103,7 @@ def wrong_starting_values(spec_index: SpecIndex, faults: FaultyElements) -> Iter
                 yield _starting_value_finding(
                     node, value, message, "remove it: the variable's 'source' writes it", value.place
                 )
-            elif (problem := _misfit(value, attribute.type)) is not None:
+            elif (problem := _mismatch(value, attribute.type)) is not None:
                 message = f"'{value.name}' of node '{node.name}' {problem[0]}"
                 yield _starting_value_finding(node, value, message, problem[1], attribute.place)
 
@@ -125,7 +125,7 @@ def starting_value(value: StartingValue, attribute: Attribute) -> bool | int | f
     return int(number) if attribute.type.kind is Kind.INT else float(number)
 
 
-def _misfit(value: StartingValue, declared_type: ValueType) -> tuple[str, str] | None:
+def _mismatch(value: StartingValue, declared_type: ValueType) -> tuple[str, str] | None:
     """Return why a value does not fit a type, and the help; None if the value fits."""
     raw_value, kind = value.value, declared_type.kind
     if kind is Kind.ENUM:

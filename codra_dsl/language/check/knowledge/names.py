@@ -46,7 +46,7 @@ _STATE_SYNONYMS: Mapping[str, str] = {
 
 
 def unknown_types(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every type in a pattern is declared or has a node. The type of a node is no misspelling of a declared type."""
+    """Every type in a pattern is declared or has a node. The type of a node is not a misspelt declared type."""
     if not spec_index.spec.knows and not spec_index.spec.pose_conditions:
         return
     type_names = list(spec_index.declared_graph.types)  # without the type of tasks, which no node can have

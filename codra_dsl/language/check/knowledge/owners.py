@@ -260,7 +260,8 @@ def _claimed_task_finding(agent: Agent, rule: str, task: Task, step: Step) -> Di
 def unattended_tasks(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The executor of a task reacts to a request.
 
-    The executor is always active, or the request wakes the executor. If it has rules, one of them is for the request.
+    The executor is always active, or the request wakes the executor. If the executor has rules, one of them begins with
+    the request.
     """
     if not is_knowledge_checkable(spec_index, faults):
         return

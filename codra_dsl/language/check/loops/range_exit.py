@@ -100,7 +100,7 @@ def _exit_sides(
                 start=0, end=0, first=branch, rest=((operator, Name(start=0, end=0, name=_END_NAME)),)
             )
             can_leave = can_hold([*assumptions, exit_condition], (), {**types, _END_NAME: end_type})
-            if can_leave and not current_budget().has_undecided:  # an undecided question is no reason for a finding
+            if can_leave and not current_budget().has_undecided:  # an undecided question does not cause a finding
                 yield operator
 
 

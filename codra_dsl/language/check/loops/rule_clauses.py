@@ -1,8 +1,8 @@
 """Mistakes in the parts of a fuzzy rule, with the form that was probably meant.
 
 A rule describes variables by terms: `if gap is close and bumped is true then low`. The rule is cut at `and`, `or` and
-`then`, so that a mistake in one part hides none in the others. What describes no variable by a term, such as
-`gap < 2 m`, is read as an expression over context, which a derived variable can have.
+`then`, so that a mistake in one part hides none in the others. A part without a term, such as `gap < 2 m`, is read as
+an expression over context, which a derived variable can have.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _DESCRIPTIONS = tuple(
         (rf"{_NAME}\s+(?:is\s+)?not\s+in\s*{_WORDS}", "not ", _ONE_TERM),
     )
 )
-"""Forms of a variable with its terms: each with the hedge before the terms, and what is wrong; the first is right."""
+"""Forms of a variable with its terms: each with its hedge and its mistake; the first form is right."""
 
 _EXPRESSIONS = tuple(
     (re.compile(pattern, _FLAGS), replacement)
@@ -185,14 +185,14 @@ class RuleText:
         if name not in names.variables:
             yield Mistake(*match.span("name"), *names.unknown_variable(name), is_unknown_name=True)
             return
-        terms = [names.meant_term(name, word.strip()) for word in words.split(",")] if words else []
+        terms = [names.intended_term(name, word.strip()) for word in words.split(",")] if words else []
         if None in terms or (words and not message and terms != [words]):
             related = (Related("declared here", names.variables[name].place),)
             yield Mistake(*match.span("words"), *names.unknown_term(name, words), is_unknown_name=True, related=related)
         elif message:
             operator = " and " if hedge else " or "
-            meant = operator.join(f"{name} is {hedge}{term}" for term in terms) or names.example(name, hedge)
-            help = f"write '({meant})'" if len(terms) > 1 else f"write '{meant}'"
+            intended_text = operator.join(f"{name} is {hedge}{term}" for term in terms) or names.example(name, hedge)
+            help = f"write '({intended_text})'" if len(terms) > 1 else f"write '{intended_text}'"
             yield Mistake(*match.span(), message.format(name=name), help)
 
     def _expression(self, start: int, end: int) -> Iterator[Mistake]:
@@ -237,7 +237,7 @@ def _with_unit(part: Node, unit: str | None) -> Node:
 
 
 def _declaration_help(tree: Node, term: str | None) -> str:
-    """Return the help for an expression that must be declared as a variable, of which the rule states a term."""
+    """Return the help for an expression that must be declared as a variable, so that a rule can state a term of it."""
     expression, function = to_text(tree), reads_of(tree.name)[0] if isinstance(tree, Name) else ""
     if function in _NUMBERS:
         before, after, example_term, shape = _NUMBERS[function]

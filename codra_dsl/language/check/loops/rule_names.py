@@ -62,7 +62,7 @@ class RuleNames:
             return f"{variable} is {'false' if hedge else 'true'}"
         return f"{variable} is {hedge}{next(iter(self.terms(variable)), 'TERM')}"
 
-    def meant_term(self, variable: str, word: str) -> str | None:
+    def intended_term(self, variable: str, word: str) -> str | None:
         """Return the term of a variable that a word probably means, or None."""
         terms, bare_word = self.terms(variable), word.strip("\"'")
         if bare_word in terms:
@@ -81,7 +81,7 @@ class RuleNames:
 
     def unknown_term(self, name: str, word: str) -> tuple[str, str]:
         """Return message and help for a term that a variable does not have."""
-        variable, terms, term = self.variables[name], self.terms(name), self.meant_term(name, word)
+        variable, terms, term = self.variables[name], self.terms(name), self.intended_term(name, word)
         message, bare_word = f"'{name}' has no term {shown(word)}", word.strip("\"'")
         if term is not None:
             return message, f"did you mean '{term}'?"

@@ -1,4 +1,4 @@
-"""Checks of loops (phase 5): a parameter does not keep a value that nobody stated may be kept.
+"""Checks of loops (phase 5): a parameter keeps a value only if the spec states that the value may be kept.
 
 While the value of a `set` adaptation is unknown, its variable gets the value of `otherwise`. Without `otherwise`, the
 last value would stay, such as a high speed after the lidar has failed.
@@ -73,10 +73,10 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
             if not any(read_name in names for names in steady_name_sets) and reasons.of(read_name)
         ]
         division = _division_by_zero(tree, spec_index.context_types)
-        culprits = () if division else _decisive_names(spec_index, tree, doubtful_names)
-        if division is None and not culprits:
+        decisive_names = () if division else _decisive_names(spec_index, tree, doubtful_names)
+        if division is None and not decisive_names:
             continue
-        state_text = f"'{to_text(division.right)}' is 0" if division else _state_text(spec_index, tree, culprits)
+        state_text = f"'{to_text(division.right)}' is 0" if division else _state_text(spec_index, tree, decisive_names)
         yield finding(
             "unknown-adapted-value",
             f"adaptation '{adaptation.name}' keeps the last value of '{name}' while {state_text}",
@@ -84,9 +84,9 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
             path=f"adaptation.{adaptation.name}.value",
             help="add 'otherwise: VALUE' with a value that is right while nothing is known",
             related=tuple(
-                Related(f"'{culprit}' can become unknown: {reasons.of(culprit)}", spec_index.variables[culprit].place)
-                for culprit in culprits
-                if culprit in spec_index.variables
+                Related(f"'{unknown}' can become unknown: {reasons.of(unknown)}", spec_index.variables[unknown].place)
+                for unknown in decisive_names
+                if unknown in spec_index.variables
             ),
         )
 
@@ -157,10 +157,10 @@ def _conditions_of_part(node: Node, part: Node) -> tuple[Node, ...]:
     return ()
 
 
-def _state_text(spec_index: SpecIndex, tree: Node, culprits: Sequence[str]) -> str:
+def _state_text(spec_index: SpecIndex, tree: Node, decisive_names: Sequence[str]) -> str:
     """Return in which state of its inputs a value is unknown."""
-    names = [f"'{culprit}'" for culprit in culprits]
-    is_each_decisive = not is_always_known(tree, culprits[:1], spec_index.context_types)
+    names = [f"'{name}'" for name in decisive_names]
+    is_each_decisive = not is_always_known(tree, decisive_names[:1], spec_index.context_types)
     return f"{' or '.join(names)} is unknown" if is_each_decisive else f"{' and '.join(names)} are unknown"
 
 
@@ -220,8 +220,8 @@ class _Reasons:
             input_names = () if isinstance(source, Count) else variables_in(source)  # a count is always known
             for reason in filter(None, map(self.of, input_names)):
                 reasons.setdefault(name.name, reason)
-        culprits = _decisive_names(self._spec_index, tree, tuple(reasons))
-        return f"it is derived from '{culprits[0]}': {reasons[culprits[0]]}" if culprits else ""
+        decisive_names = _decisive_names(self._spec_index, tree, tuple(reasons))
+        return f"it is derived from '{decisive_names[0]}': {reasons[decisive_names[0]]}" if decisive_names else ""
 
 
 def _can_pose_become_stale(spec_index: SpecIndex, first: str, second: str) -> bool:

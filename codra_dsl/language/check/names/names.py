@@ -161,7 +161,7 @@ def _misspelt_declaration_findings(
     the spec has enough such elements for all of these names, their mentions are not returned.
     """
     rule, noun = _RULES_AND_NOUNS[section]
-    misspelling_candidates = [group for group in groups if spec_index.other_kind(group[0].name, section) is None]
+    misspelling_candidates = [group for group in groups if spec_index.kind_elsewhere(group[0].name, section) is None]
     undeclared_names = {group[0].name for group in misspelling_candidates}
     misspelt_declarations = find_misspelt_declarations(spec_index, misspelling_candidates, places, used_names)
     for group in groups:
@@ -208,7 +208,7 @@ def _intended_literal_help(spec_index: SpecIndex, mention: Mention) -> LiteralHe
 def _is_other_element_or_literal(spec_index: SpecIndex, mention: Mention) -> bool:
     """Return whether a name in a condition over a result is the name of an element, or is intended as a literal."""
     is_named = (
-        spec_index.declares("context", mention.name) or spec_index.other_kind(mention.name, "context") is not None
+        spec_index.declares("context", mention.name) or spec_index.kind_elsewhere(mention.name, "context") is not None
     )
     return is_named or _intended_literal_help(spec_index, mention) is not None
 
@@ -282,7 +282,7 @@ def _undeclared_name_finding(
     known_names: frozenset[str] | None = None,
 ) -> Diagnostic:
     """Return the finding about a name that a section does not declare. `known_names` are the candidates to suggest."""
-    kind = spec_index.other_kind(first.name, section)
+    kind = spec_index.kind_elsewhere(first.name, section)
     if kind is not None:
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
         is_adaptation = section == "agents" and spec_index.declares("adaptation", first.name)
@@ -370,7 +370,7 @@ def _unknown_returned_value_finding(
         move_help = "use it in 'observable_when'"
         help = move_help if key is Role.ACCEPT_WHEN else f"{move_help}, or pass it to the algorithm with 'given'"
         return _mention_finding("name-out-of-sight", message, help, first, others)
-    kind = spec_index.other_kind(first.name, "context")
+    kind = spec_index.kind_elsewhere(first.name, "context")
     literal = intended_literal_help(spec_index, first.site, first.name)
     if kind is not None and literal is None:
         message = f"'{first.name}' in '{key}' of {first.user} is {kind}, not a value that the algorithm returns"

@@ -22,8 +22,8 @@ def excluded_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator
 
     Let a skill preview `x` and `y`, and let other skills set `x` to V. Then `y` is excluded if every algorithm for `y`
     has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and the
-    skills that set `x` to V have previewed `y` before, then `y` is assumed to be known. A skill whose preview no such V
-    satisfies does not act then, so nothing is reported.
+    skills that set `x` to V have previewed `y` before, then `y` is assumed to be known. If no such V satisfies the
+    preview, the skill does not act, and nothing is reported.
     """
     if spec_index.has_damage("perception", *NEED_KEYS, "identifies") or spec_index.has_damage(
         "skills", "preview", "monitor"
@@ -54,7 +54,7 @@ class _Exclusion:
 
     Attributes:
         text: the precondition that cannot be true.
-        cause: the unknown variable because of which the precondition cannot be true; None if this is not the reason.
+        cause: the unknown variable that prevents the precondition from being true; None for other reasons.
     """
 
     algorithm: Algorithm
@@ -131,7 +131,7 @@ class _Search:
                 self._readers.setdefault(need, []).append(name)
 
     def common_exclusions(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
-        """Return the variables that can be observed with none of the expected values of a variable, and the reasons."""
+        """Return the variables, with reasons, that cannot be observed with any expected value of a variable."""
         if name not in self._exclusions:
             conditions = (expectation.condition for expectation in expectations if expectation.condition is not None)
             facts = dict.fromkeys(condition.tree for condition in conditions if condition.tree is not None)

@@ -65,7 +65,7 @@ def always_holding_previews(spec_index: SpecIndex, faults: FaultyElements) -> It
 
 
 def repeated_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """No variable that a preview names alone is certainly known if a condition of the preview holds."""
+    """A preview does not name a variable alone if one of its conditions holds only if the variable is known."""
     types = spec_index.context_types
     for skill in _skills_with_conditions(spec_index, faults):
         conditions = list(sound_conditions(spec_index, skill.preview_conditions))
@@ -79,7 +79,7 @@ def repeated_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator
 
 
 def known_calls_in_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """No condition of a preview needs `known(x)`: it is false while `x` is unknown, so nobody looks for `x`."""
+    """No condition of a preview needs `known(x)`: it is false while `x` is unknown, so no look for `x` begins."""
     for skill in _skills_with_conditions(spec_index, faults):
         for condition in parts_of_conditions(spec_index, skill.preview_conditions):
             if isinstance(condition.tree, Call) and condition.tree.function == "known":
@@ -108,7 +108,7 @@ def _skills_with_conditions(spec_index: SpecIndex, faults: FaultyElements) -> It
 
 
 def _can_be_named(name: str) -> bool:
-    """Return whether a preview can name something alone: a variable, but no poses, for which nobody can look."""
+    """Return whether a preview can name something alone: a variable, but no poses, which no look can determine."""
     return not reads_of(name)[0]
 
 

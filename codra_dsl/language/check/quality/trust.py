@@ -42,8 +42,8 @@ def unnoticed_preconditions(spec_index: SpecIndex, faults: FaultyElements) -> It
 def unnoticed_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable in the value of a parameter states how long it is valid, or its age is part of the value.
 
-    Otherwise the parameter follows a value that stays although its writer has stopped. What loops compute or set is
-    ignored, and so is a variable that a precondition reads, which has a finding of its own.
+    Otherwise the parameter follows a value that stays although its writer has stopped. Variables that loops compute or
+    set are ignored, and so are variables in preconditions, because another rule reports them.
     """
     value_sites = [site for site in spec_index.sites if site.role is Role.VALUE]
     reported_names = set(_first_trusting_algorithms(spec_index)) if value_sites else set[str]()

@@ -132,7 +132,7 @@ def _own_elements(spec_index: SpecIndex, elements: Iterable[_Element]) -> Iterat
 class _UsedNames:
     """The names that elements use, and the names in templates that the spec does not use.
 
-    In the names of such templates, a parameter can stand for any text.
+    In the names of such templates, a parameter can have any text.
     """
 
     def __init__(

@@ -244,7 +244,7 @@ class _Search:
     def _needs_split(self, key: str) -> bool:
         """Return whether the search splits cases by the values of a key.
 
-        The key stands for a name, for the age of a name, or for whether a name is known.
+        The key represents a name, the age of a name, or whether a name is known.
         """
         occurs_repeatedly = self._mentions.counts[key] > 1
         if key not in self._mentions.names:

@@ -68,7 +68,7 @@ def can_hold(conditions: Sequence[Node], unknown_names: Iterable[str], types: Ty
 
 
 def has_exact_answers(condition: Node) -> bool:
-    """Return whether a condition, beside others like it, can certainly hold if `can_hold` says so.
+    """Return whether a condition, beside others like it, can certainly hold if `can_hold` returns True.
 
     Each of its comparisons depends on one name at most, and is linear between kinks.
     """

@@ -13,7 +13,7 @@ from codra_dsl.language.units import UNITS, parse_quantity
 
 
 def read_derivation(reader: Reader) -> tuple[Condition | None, float | None]:
-    """Return the expression of a derived variable and its resolution in metres; None for what is not stated."""
+    """Return the expression of a derived variable and its resolution in metres; None if the spec does not state it."""
     node = reader.node.value("derived")
     if node is None:
         return None, None

@@ -306,7 +306,7 @@ def _read_parameter(reader: Reader) -> Parameter:
 
 
 def _read_otherwise(reader: Reader) -> Condition | None:
-    """Return the constant under `otherwise`; None if there is none. A single word is a text, such as a member."""
+    """Return the constant under `otherwise`, or None. A single word is a text, such as a member."""
     node = reader.node.value("otherwise")
     if node is None:
         return None

@@ -1,4 +1,4 @@
-"""Read what a skill expects while it acts: `NAME`, `NAME becomes VALUE within D`, `NAME stays VALUE`."""
+"""Read the expectations of a skill while it acts: `NAME`, `NAME becomes VALUE within D`, `NAME stays VALUE`."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class _Entry:
             return None
         variable = Reference(name=words["name"], place=self._place(*words.span("name")))
         place = self._reader.origin.of(self._node)
-        if words["verb"] not in ("becomes", "stays") and (meant := self._meant_expectation()):
-            self._fail(f"{shown(self._text)} is not an expectation", f"write '{meant}'", 0, len(self._text))
+        if words["verb"] not in ("becomes", "stays") and (intended_text := self._intended_expectation()):
+            self._fail(f"{shown(self._text)} is not an expectation", f"write '{intended_text}'", 0, len(self._text))
             return None
         if words["verb"] is None:
             return Expectation(variable=variable, expected=Expected.WATCHED, place=place)
@@ -72,8 +72,8 @@ class _Entry:
     def _fail(self, message: str, help_text: str, start: int, end: int, rule: str = "monitor") -> None:
         self._reader.fail(rule, message, self._place(start, end), help_text, *self._steps)
 
-    def _meant_expectation(self) -> str | None:
-        """Return the expectation that a condition in place of one means, such as `x stays true` for `x == true`."""
+    def _intended_expectation(self) -> str | None:
+        """Return the expectation that was probably intended by a condition, such as `x stays true` for `x == true`."""
         time_limit = _WITHIN.search(self._text)
         end = len(self._text) if time_limit is None else time_limit.start()
         match parse(self._text[:end]):

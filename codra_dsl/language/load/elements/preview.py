@@ -1,4 +1,4 @@
-"""Read what the decision before an action needs: names of variables, which must be known, and conditions."""
+"""Read the needs of the decision before an action: names of variables, which must be known, and conditions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader
 from codra_dsl.language.model import Condition, Reference
 
-_NO_NAMES = frozenset({*WORDS, "is"})
+_NON_NAMES = frozenset({*WORDS, "is"})
 
 
 class PreviewFields(TypedDict):
@@ -54,7 +54,7 @@ def _read_entry(reader: Reader, item: YamlNode, index: int) -> Reference | Condi
 def _is_several_names(text: str) -> bool:
     """Return whether an entry consists of names that blanks or semicolons separate, because commas are missing."""
     words = text.replace(";", " ").split()
-    return len(words) > 1 and all(word.isidentifier() and word.lower() not in _NO_NAMES for word in words)
+    return len(words) > 1 and all(word.isidentifier() and word.lower() not in _NON_NAMES for word in words)
 
 
 def _references(entry: Reference | Condition) -> tuple[Reference, ...]:

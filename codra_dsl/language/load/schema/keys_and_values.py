@@ -12,12 +12,12 @@ from codra_dsl.language.load.schema.other_forms import (
     REPLACED_KEYS,
     choice_help,
     example_text,
+    intended_key,
     lists_without_brackets,
     long_form,
-    meant_key,
+    merged_entries,
     other_form_help,
     set_help,
-    torn_text,
 )
 from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
 from codra_dsl.language.load.schema_file import schema
@@ -55,8 +55,8 @@ def explain(
 ) -> frozenset[str]:
     """Report why an element does not have the shape of a definition: one finding per root cause.
 
-    So that the rest can be read as intended, misspelt keys are corrected in the nodes, unknown keys are removed, and
-    values with a finding are marked as reported. `examples` has values for keys of which the schema has no example.
+    Misspelt keys are corrected in the nodes, unknown keys are removed, and values with a finding are marked as
+    reported. The rest can then be read as intended. `examples` has values for keys of which the schema has no example.
 
     Returns:
         The keys that cannot be read, as `Spec.damaged_keys` lists them. Misspelt keys can be read. An unknown key may
@@ -217,7 +217,7 @@ class _Explanation:
         for key, (key_node, value) in mapping.entries.items():
             if key in known or key in keys_from_split_values:
                 continue
-            known_key = meant_key(key, value, free_keys) or self._findings.nearest(key, free_keys)
+            known_key = intended_key(key, value, free_keys) or self._findings.nearest(key, free_keys)
             known_key = corrections[key] = known_key or long_form(key, free_keys)
             allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
             fix = (
@@ -300,7 +300,7 @@ class _Explanation:
         )
 
     def _report_replaced_key(self, path: tuple[str | int, ...], missing_key: str) -> None:
-        """Report a key that is not allowed in its mapping, and probably stands in place of a missing one."""
+        """Report a key that is not allowed in its mapping, and was probably meant as a missing key."""
         message = f"{self._value_name(path)} is not allowed here"
         help_text, key_path = f"did you mean '{missing_key}', which is missing?", self._subject.part(*path)
         self._findings.add("misplaced-key", message, self._place_of_name(path), help=help_text, path=key_path)
@@ -309,7 +309,7 @@ class _Explanation:
     def _report_text_with_key(self, path: tuple[str | int, ...], mapping: MappingNode, missing_key: str) -> bool:
         """Report a text with a missing key and its value, such as `door over 20 s`; return whether there is one."""
         for key, (key_node, value) in mapping.entries.items():
-            parts = torn_text(value, missing_key) if isinstance(value, ScalarNode) else None
+            parts = merged_entries(value, missing_key) if isinstance(value, ScalarNode) else None
             if parts is None:
                 continue
             text, missing_text = parts

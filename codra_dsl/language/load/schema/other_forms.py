@@ -17,9 +17,9 @@ CHOICE_KEYS = ("if", "then", "else")
 """The keys over which a choice is spread in other languages."""
 
 REPLACED_KEYS = ("value", "derived", "set", "choose", "in", "otherwise")
-"""The keys in place of which `choice_help` and `set_help` find other keys."""
+"""The keys that `choice_help` and `set_help` replace by other keys."""
 
-_MEANT_KEYS = {
+_INTENDED_KEYS = {
     **dict.fromkeys(("value", "expression", "expr", "formula", "condition", "computed", "derived_from"), "derived"),
     **dict.fromkeys(("else", "default", "fallback"), "otherwise"),
     **dict.fromkeys(("variable", "target", "parameter"), "set"),
@@ -32,7 +32,7 @@ _MEANT_KEYS = {
 MAX_ENTRIES = 20
 """The maximum number of entries of a mapping or a list that the help repeats."""
 
-_TORN = re.compile(r"(?P<name>[A-Za-z]\w*),?\s+(?P<key>[a-z_]+):?\s+(?P<rest>.+)", re.ASCII)
+_MERGED_ENTRIES = re.compile(r"(?P<name>[A-Za-z]\w*),?\s+(?P<key>[a-z_]+):?\s+(?P<rest>.+)", re.ASCII)
 _CONSTRAINT = re.compile(r"if\s+(?P<condition>[^,{}]+?)\s+then\s+(?P<consequence>[^,{}]+)")
 _MIN_SHORT_FORM_LENGTH = 5
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
@@ -86,16 +86,16 @@ def other_form_help(subject: Subject, error: Error, node: YamlNode, holder: Yaml
     return None
 
 
-def meant_key(key: str, value: YamlNode, free_keys: Collection[str]) -> str | None:
+def intended_key(key: str, value: YamlNode, free_keys: Collection[str]) -> str | None:
     """Return the free key that a key of another language means, or None."""
-    known_key = _MEANT_KEYS.get(key)
+    known_key = _INTENDED_KEYS.get(key)
     is_text = isinstance(value, ScalarNode) and isinstance(value.data, str)
     return known_key if known_key in free_keys and (is_text or known_key == "preview") else None
 
 
-def torn_text(value: ScalarNode, key: str) -> tuple[str, str] | None:
+def merged_entries(value: ScalarNode, key: str) -> tuple[str, str] | None:
     """Return the two parts of a text that contains another key and its value, such as `door over 20 s`, or None."""
-    parts = _TORN.fullmatch(value.text)
+    parts = _MERGED_ENTRIES.fullmatch(value.text)
     if parts is None or (parts["key"] != key and parse_duration(parts["rest"]) is None):
         return None
     return parts["name"], parts["rest"]
@@ -207,7 +207,7 @@ def _rule_help(texts: Mapping[str, str]) -> str | None:
 
 
 def _comparisons(node: MappingNode) -> str:
-    """Return the entries of a mapping as comparisons, such as `door == "open"`; empty if they are none."""
+    """Return the entries of a mapping as comparisons, such as `door == "open"`; empty if they are not comparisons."""
     texts = [
         f'{key} == "{value.text}"' if is_name(value.text) else f"{key} == {value.text}"
         for key, (_, value) in node.entries.items()

@@ -1,6 +1,6 @@
 """Templates as declared: their parameters, and the positions of the parameters in the sections.
 
-The position of a parameter determines which types are allowed and what is inserted:
+The position of a parameter determines the allowed types and the inserted text:
 
 - in a name (a key, a reference, `call`, a unit, ...): only an `identifier`, as the complete name or a part of it;
 - as any other complete value: any type; the literal that the use gives is inserted;

@@ -209,7 +209,7 @@ class _Composer:
             node.reported = True
 
     def _suspect_key(self, node: ScalarNode, mapping: MappingNode) -> None:
-        """Handle the text of a key that may also contain a value, or may stand for a missing key."""
+        """Handle the text of a key that may also contain a value, or may replace a missing key."""
         self._key = node
         if node.reported and node.text == NO_KEY:
             self._key = _DROPPED_KEY

@@ -156,7 +156,7 @@ def encode_value(content: object, code: int | None = None, extra: Mapping[str, o
 
     Args:
         content: a value for `DsrValue.value`; lists and numpy arrays become tuples.
-        code: the preferred code. If it cannot represent the value exactly, or is None, a code that can is chosen.
+        code: the preferred code. If it is None, or cannot represent the value exactly, another code is chosen.
         extra: other keys of the value.
 
     Raises:

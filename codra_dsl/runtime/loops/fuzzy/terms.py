@@ -65,7 +65,7 @@ def bell(x: float, center: float, width: float, slope: float, height: float = 1.
 
 
 def binary(x: float, start: float, direction: float, height: float = 1.0) -> float:
-    """Return the height at start and on the side of start on which direction lies; otherwise 0."""
+    """Return the height at `start`, and on the side of `start` where `direction` is; otherwise 0."""
     if x != x:
         return math.nan
     return height if (direction > start and x >= start) or (direction < start and x <= start) else 0.0

@@ -56,7 +56,7 @@ class Saving:
 
     @property
     def other_looks_s(self) -> float:
-        """Return how much less time the remaining looks took than the same number of mean looks without observers."""
+        """Return the time that the remaining looks would take at the mean duration, minus the time that they took."""
         return self.fell_back * self.look_s - self.own_looks_s
 
     @property

@@ -255,7 +255,7 @@ def test_both_cameras_watch_the_same_run(reported: Reported) -> None:
         assert mast.frames == mast.perceived
 
 
-def test_a_report_without_runs_of_the_design_says_so() -> None:
+def test_a_report_without_runs_of_the_design_states_this() -> None:
     report = factorial_report({}, ())
 
     assert [getattr(part, "text", None) for part in report.section.parts] == ["No runs of the factorial design."]

@@ -173,7 +173,7 @@ def test_the_localiser_that_always_answers_takes_an_unseen_lid_for_closed(lab: L
     assert measurement == {**ask(localize_lid, "pcr_cycler", lab.frame()), "lid_angle": 0.0}
 
 
-def test_the_localiser_that_always_answers_measures_a_lid_in_view_and_says_nothing_without_the_base(
+def test_the_localiser_that_always_answers_measures_a_lid_in_view_and_no_angle_without_the_base(
     lab: Laboratory,
 ) -> None:
     lab.place_robot("pcr_cycler")

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_papers.lab.perception.layout import MACHINES, Part
-from codra_papers.lab.simulator.world import HOME, JointKey, LabState, LabWorld, Move, Quantity, straight
+from codra_papers.lab.simulator.world import HOME, JointKey, LabState, LabWorld, Move, Quantity, straight_path
 
 LID = JointKey("centrifuge", Part.LID)
 
@@ -112,7 +112,7 @@ def test_moves_in_the_past_are_refused() -> None:
     with pytest.raises(ValueError, match="moves at 10 s are already scheduled"):
         world.schedule(9.0, [world.moves_to(9.0, Quantity.LIGHT, (0.0,), 1.0)])
     with pytest.raises(ValueError, match="negative delay"):
-        world.schedule(20.0, [Move(channel=LID, path=straight((1.35,), (0.0,)), duration_s=1.0, delay_s=-5.0)])
+        world.schedule(20.0, [Move(channel=LID, path=straight_path((1.35,), (0.0,)), duration_s=1.0, delay_s=-5.0)])
 
 
 def test_a_move_of_a_moving_part_is_refused_with_all_other_moves_of_the_call() -> None:
@@ -129,8 +129,8 @@ def test_a_move_of_a_moving_part_is_refused_with_all_other_moves_of_the_call() -
 
 def test_moves_of_one_part_can_be_scheduled_one_after_the_other() -> None:
     world = LabWorld(1)
-    move_there = Move(channel=LID, path=straight((0.0,), (1.0,)), duration_s=2.0)
-    move_back = Move(channel=LID, path=straight((1.0,), (0.0,)), duration_s=2.0, delay_s=2.0)
+    move_there = Move(channel=LID, path=straight_path((0.0,), (1.0,)), duration_s=2.0)
+    move_back = Move(channel=LID, path=straight_path((1.0,), (0.0,)), duration_s=2.0, delay_s=2.0)
     world.schedule(0.0, [move_there, move_back])
 
     assert [lid_rad(world, t_s) for t_s in (0.0, 2.0, 4.0)] == [0.0, 1.0, 0.0]
