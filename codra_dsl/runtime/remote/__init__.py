@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from codra_dsl.runtime.remote.client import RemoteContext
 from codra_dsl.runtime.remote.protocol import VERSION, LeaseError, MessageError, TokenError
 from codra_dsl.runtime.remote.server import Server
 from codra_dsl.runtime.remote.session import Send, Session, open_session
 
+SCHEMA_FILE = Path(__file__).with_name("messages.schema.json")
+"""The JSON Schema of all messages."""
+
+INCLUDE_FOLDER = Path(__file__).with_name("include")
+"""The folder with `codra.hpp`, the client for programs in C++."""
+
 __all__ = [
+    "INCLUDE_FOLDER",
+    "SCHEMA_FILE",
     "VERSION",
     "LeaseError",
     "MessageError",
