@@ -409,6 +409,26 @@ def test_a_manager_that_sends_something_else_is_unreachable(
                 driver.result()
 
 
+def test_subscribers_learn_that_the_manager_does_not_answer(program: Path, tmp_path: Path) -> None:
+    path = tmp_path / "silent.sock"
+    with socket.socket(socket.AF_UNIX) as listener, Driver(program) as driver:
+        listener.bind(str(path))
+        listener.listen()
+        driver.begin("connect", path=str(path), lease_s=0.3)
+        peer = listener.accept()[0]
+        with peer, peer.makefile("rb") as requests:
+            assert json.loads(requests.readline())["ask"] == "hello"
+            peer.sendall(b'{"id":1,"answer":{}}\n')
+            driver.result()
+            driver.begin("subscribe", variables=["near"])
+            while (request := json.loads(requests.readline()))["ask"] == "keep":
+                peer.sendall(json.dumps({"id": request["id"], "answer": {"now_s": 1}}).encode() + b"\n")
+            peer.sendall(json.dumps({"id": request["id"], "answer": {"subscription": 1}}).encode() + b"\n")
+            driver.result()
+            reading = driver.reading()
+    assert (reading["reason"], reading["detail"]) == ("unreachable", "the manager did not answer within 5 s")
+
+
 @pytest.mark.parametrize("is_lost", [False, True])
 def test_threads_that_share_a_client_have_no_data_race(
     racing_program: Path, codra: Manager, tmp_path: Path, is_lost: bool

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,27 +44,32 @@ def is_whole(_checker: object, instance: object) -> bool:
     return isinstance(instance, int) and not isinstance(instance, bool)
 
 
-STRICT_VALIDATOR = jsonschema.validators.extend(
+STRICT_TYPES = jsonschema.validators.extend(
     jsonschema.Draft202012Validator,
     type_checker=jsonschema.Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole),
-)({"$ref": "#/$defs/request", "$defs": DEFINITIONS})
+)
 """It does not count numbers such as 1.0 as integers: a schema cannot state this difference, but the page does."""
 
 
-def is_published(line: bytes) -> bool:
+def strict_validator(definition: str) -> Any:
+    return STRICT_TYPES({"$ref": f"#/$defs/{definition}", "$defs": DEFINITIONS})
+
+
+REQUEST_VALIDATOR = strict_validator("request")
+
+
+def is_published(line: bytes, validator: Any = REQUEST_VALIDATOR) -> bool:
     """Return whether a line is JSON, and a request of the published schema."""
     try:
-        return STRICT_VALIDATOR.is_valid(message_of(line, object_hook=None))
+        return bool(validator.is_valid(message_of(line, object_hook=None)))
     except MessageError:
         return False
 
 
-scalars = (
-    some.sampled_from([0, 1, -1, 1.5, -0.5, 3600, 3600.5, 2**63 - 1, 2**63, -(2**63), 10**400, LARGEST, True, None])
-    | some.sampled_from(["", "open", "x" * 128, "x" * 129, "x" * 1000, "x" * 1001, "\ud800", "ä" * 1000])
-    | some.sampled_from([[], ["open"], [1], ["x" * 1001], {}, {"infinite": 1}, {"value": 1}])
-    | some.sampled_from(sorted(REQUESTS))
-)
+VALUES: list[object] = [0, 1, -1, 1.0, 1.5, -0.5, 3600, 3600.5, LARGEST, -LARGEST, 10**400, True, False, None]
+VALUES += [2**63 - 1, 2**63, 1 - 2**63, -(2**63), "", "open", "x" * 128, "x" * 129, "ä" * 1000, "x" * 1001, "\ud800"]
+VALUES += [[], ["open"], [1], ["x" * 1001], {}, {"infinite": 1}, {"value": 1}]
+scalars = some.sampled_from(VALUES) | some.sampled_from(sorted(REQUESTS))
 
 
 @some.composite
@@ -128,14 +134,51 @@ def test_the_type_of_every_variable_is_valid(value_type: ValueType) -> None:
     assert is_valid("answer.describe", {"type": plain_type(value_type)})
 
 
+def objects(part: object) -> Iterator[dict[str, Any]]:
+    """Yield the schemas of objects within a part of the schema."""
+    if isinstance(part, list):
+        part = dict(enumerate(part))
+    if isinstance(part, dict):
+        if part.get("type") == "object":
+            yield part
+        for inner in part.values():
+            yield from objects(inner)
+
+
+@pytest.mark.parametrize("name", [name for name in DEFINITIONS if not name.startswith("request")])
+def test_the_manager_sends_all_fields_that_the_schema_describes_and_no_others(name: str) -> None:
+    for part in objects(DEFINITIONS[name]):
+        optional_fields = {"value", "infinite"} if name == "reading" else set()
+        assert {*part.get("required", ())} == part.get("properties", {}).keys() - optional_fields
+        assert part["additionalProperties"] is False
+        assert part.get("properties", {}).get("codra", {"const": VERSION}) == {"const": VERSION}
+
+
 @pytest.mark.parametrize("ask", REQUESTS)
-def test_a_request_may_have_an_id_but_no_other_field(ask: str) -> None:
+def test_each_field_of_a_request_has_the_values_that_the_manager_accepts(ask: str) -> None:
+    validator = strict_validator(f"request.{ask}")
     request = {"codra": VERSION, "ask": ask, **{name: EXAMPLES[name] for name in REQUESTS[ask].required}}
 
-    assert is_valid("request", request)
-    assert is_valid("request", request | {"id": "a"})
-    assert not is_valid("request", request | {"x": 1})
-    assert not is_valid("request", {key: field for key, field in request.items() if key != "codra"})
+    def check(changed: dict[str, Any]) -> None:
+        line = line_of(changed)
+        assert is_published(line, validator) == is_accepted(line), line
+
+    check(request)
+    for key in request:
+        check({name: field for name, field in request.items() if name != key})
+    fields = [*REQUESTS[ask].required, *REQUESTS[ask].optional]
+    for key in ["codra", "id", "ask", "x", "infinite", *fields, *(f"infinite_{name}" for name in fields)]:
+        finite_key = "value" if key == "infinite" else key.removeprefix("infinite_")
+        for value in VALUES:
+            check({name: field for name, field in request.items() if name != finite_key} | {key: value})
+        check(request | {key: 1})
+
+
+def test_a_request_names_at_most_ten_thousand_variables_or_skills() -> None:
+    for ask, key in (("expect", "skills"), ("subscribe", "variables")):
+        for count, is_allowed in ((10_000, True), (10_001, False)):
+            line = line_of({"codra": VERSION, "ask": ask, key: ["x"] * count})
+            assert (validator(f"request.{ask}").is_valid(json.loads(line)), is_accepted(line)) == (is_allowed,) * 2
 
 
 def test_a_whole_number_with_a_fraction_is_valid_for_the_schema_only() -> None:
