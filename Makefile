@@ -33,15 +33,16 @@ except OSError:
 endef
 export PROBE
 
-# The browser in which the store's page is tested, and a library that the test driver of browsers needs.
-BROWSER_PACKAGES := chromium libatomic1
-define BROWSER_PROBE
+# The browser in which the store's page is tested, a library that the test driver of browsers needs, and the compiler
+# for the tests of the client in C++.
+TEST_PACKAGES := chromium libatomic1 g++
+define TEST_PROBE
 import ctypes, shutil, sys
 
 ctypes.CDLL("libatomic.so.1")
-sys.exit(shutil.which("chromium") is None)
+sys.exit(not all(map(shutil.which, ("chromium", "g++"))))
 endef
-export BROWSER_PROBE
+export TEST_PROBE
 
 APT ?= yes
 SUDO := $(if $(filter 0,$(shell id -u)),,sudo)
@@ -54,7 +55,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills namespaces signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills namespaces signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -65,7 +66,7 @@ rafcon: $(RAFCON_READY)
 
 # Many tests wait for a process or for real time: one worker more than there are cores keeps the cores busy.
 # Files are run in the order of their names: by default the files with few tests come last, and some of these are slow.
-test: browser lint $(RAFCON_READY)
+test: test-prerequisites lint $(RAFCON_READY)
 	$(BIN)/codra compile specs --check --no-cache
 	$(BIN)/pytest --numprocesses $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 	$(RAFCON)/bin/python -m pytest tests/integrations/rafcon
@@ -77,7 +78,7 @@ lint: $(READY)
 	$(BIN)/lint-imports --no-logo
 
 # Lint, types, and the tests of the modules that changed since the branch left main.
-check: browser lint
+check: test-prerequisites lint
 	$(BIN)/python -m tests.changed | xargs --no-run-if-empty $(BIN)/pytest --numprocesses auto --dist loadfile
 
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
@@ -210,7 +211,7 @@ lock: $(RELEASE_READY)
 	$(LOCKED) --group release --output-file $(RELEASE_LOCK)
 
 # The tests on each supported version of Python, in environments of their own.
-pythons: browser $(RAFCON_READY)
+pythons: test-prerequisites $(RAFCON_READY)
 	@for version in $(PYTHONS); do \
 	    python$$version -c '' 2>/dev/null || { echo "pythons: python$$version is not on the PATH" >&2; missing=1; }; \
 	done; test -z "$$missing"
@@ -253,5 +254,5 @@ $(FUZZYLITE_READY): $(FUZZYLITE_PINS) | prerequisites
 prerequisites:
 	@$(PYTHON) -c "$$PROBE" 2>/dev/null || { $(call install,$(PACKAGES)); }
 
-browser:
-	@$(PYTHON) -c "$$BROWSER_PROBE" 2>/dev/null || { $(call install,$(BROWSER_PACKAGES)); }
+test-prerequisites:
+	@$(PYTHON) -c "$$TEST_PROBE" 2>/dev/null || { $(call install,$(TEST_PACKAGES)); }

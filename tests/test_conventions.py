@@ -172,6 +172,8 @@ def test_the_wheel_has_only_the_package(wheel: Path) -> None:
 
     assert packed_files == files_in_repository("codra_dsl")
     assert {"codra_dsl/schema.json", "codra_dsl/py.typed"} <= packed_files
+    remote_files = {"codra_dsl/runtime/remote/messages.schema.json", "codra_dsl/runtime/remote/include/codra.hpp"}
+    assert remote_files <= packed_files
     assert any(re.fullmatch(r"codra_dsl/generation/emit/.*\.(j2|jinja)", name) for name in packed_files)
 
 

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_missing_system_packages_are_named_and_not_installed_without_apt() -> None:
-    command = ["make", "prerequisites", "browser", "--keep-going", "APT=no", "PYTHON=false"]
+    command = ["make", "prerequisites", "test-prerequisites", "--keep-going", "APT=no", "PYTHON=false"]
     process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
     assert process.returncode != 0

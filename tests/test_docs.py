@@ -1,8 +1,9 @@
 """Every code block of README and docs runs, page by page, in a separate folder, as a reader would follow it.
 
-The info string of a block states its use: `yaml file=PATH`, `xml file=PATH` and `python file=PATH` are written to that
-file, `python` runs, `console` runs each line after `$ ` and shows exactly the printed output (`console exit=1` if it
-fails), `text` and `mermaid` are for reading only. A block with `in=rafcon` runs in the environment that has RAFCON.
+The info string of a block states its use: `yaml file=PATH`, `python file=PATH` and all other blocks with `file` are
+written to that file, `python` runs, `console` runs each line after `$ ` and shows exactly the printed output
+(`console exit=1` if it fails), `text` and `mermaid` are for reading only. A block with `in=rafcon` runs in the
+environment that has RAFCON.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ LINK = re.compile(r"\]\((?!\w+:)(?P<path>[^)\s#]*)(?:#(?P<anchor>[^)\s]+))?\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 RULE_ROW = re.compile(r"^\| (CDR\d+) \| `([\w-]+)`", re.MULTILINE)
 RULE_ENTRY = re.compile(r"^\*\*(CDR\d+) `([\w-]+)`\.\*\*$(?:(?!^\*\*CDR|^## ).)+?^\*Help:\* ", re.MULTILINE | re.DOTALL)
-KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "lua", "mermaid"}
+KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "lua", "mermaid", "cpp"}
 
 
 @dataclass(frozen=True)

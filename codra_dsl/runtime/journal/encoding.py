@@ -226,7 +226,10 @@ def restore_infinite(entries: dict[str, Any]) -> Any:
 
 
 def _original_key(key: str) -> str:
-    return "value" if key == _INFINITE else key.removeprefix(f"{_INFINITE}_")
+    if key == _INFINITE:
+        return "value"
+    original_key = key.removeprefix(f"{_INFINITE}_")
+    return key if original_key == "value" else original_key  # `value` has one key for its sign, not two
 
 
 def parse_json(text: str) -> Any:

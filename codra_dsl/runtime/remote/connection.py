@@ -11,7 +11,7 @@ from selectors import EVENT_READ, EVENT_WRITE
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.forks import new_lock
-from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, RESPONSE_TIMEOUT_S, line_of, message_of
+from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, RESPONSE_TIMEOUT_S, line_of, request_of_line
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData, TokenError, error_to, id_of, notice
 from codra_dsl.runtime.remote.session import LEASE_S, Send, Session
 
@@ -161,7 +161,7 @@ class Connection:
     def _handle_line(self, line: bytes) -> None:
         message: object = None
         try:
-            message = message_of(line)
+            message = request_of_line(line)
             if self._session is None:
                 self._session, self.deadline_s = self._admit(message, self.send), math.inf
         except (MessageError, TokenError) as error:

@@ -8,8 +8,9 @@ import json
 import math
 import socket
 import struct
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from codra_dsl.runtime.journal.encoding import bytes_of, json_text, restore_infinite
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData
@@ -54,14 +55,24 @@ def read_line(stream: BinaryIO) -> bytes | None:
     return line.rstrip(b"\r\n") if line.endswith(b"\n") else None
 
 
-def message_of(line: bytes) -> object:
-    """Return the message that a line carries.
+def request_of_line(line: bytes) -> object:
+    """Return the request that a line carries. Only its own fields can be infinite: they contain no objects.
+
+    Raises:
+        MessageError: if the line is not JSON, or holds a number that is not finite.
+    """
+    request = message_of(line, object_hook=None)
+    return restore_infinite(request) if isinstance(request, dict) else request
+
+
+def message_of(line: bytes, object_hook: Callable[[PlainData], Any] | None = restore_infinite) -> object:
+    """Return the message that a line carries, by default with its infinite numbers.
 
     Raises:
         MessageError: if the line is not JSON, or holds a number that is not finite.
     """
     try:
-        return json.loads(line, parse_constant=_refuse, parse_float=_finite_number, object_hook=restore_infinite)
+        return json.loads(line, parse_constant=_refuse, parse_float=_finite_number, object_hook=object_hook)
     except MessageError:
         raise
     except (ValueError, RecursionError) as error:
