@@ -19,6 +19,7 @@ import fuzzy
 import isolation
 import journals
 import knowledge
+import networking
 import running
 from rows import PeerMissingError, Row
 
@@ -30,6 +31,7 @@ GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
     "isolation": isolation.rows,
     "journals": journals.rows,
     "knowledge": knowledge.rows,
+    "networking": networking.rows,
     **running.GROUPS,
 }
 """The function that measures each group of rows, given a scratch folder."""
