@@ -66,7 +66,7 @@ def serve_command(
             return
         record = EventLog() if journal is None else Journal(writable_journal(journal))
         clock = stack.enter_context(WallClock())
-        codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=seed, record=record))
+        codra = stack.enter_context(compiled.package.start(clock=clock, resources={}, seed=seed, record=record))
         stack.enter_context(serve(codra, address_of(listen, credentials)))
         say(f"serving '{compiled.spec.name}' at {listen}")
         _wait_for_signal()

@@ -6,6 +6,7 @@ import importlib.util
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
@@ -44,8 +45,13 @@ class CompiledSpec:
 
     @property
     def start(self) -> StartFunction:
-        """Return the package's `start`, which starts the observers and returns the context manager."""
-        return cast("StartFunction", self.package.start)
+        """Return the package's `start`, which starts the observers and returns the context manager.
+
+        Functions of algorithms with a host run in this program, because worlds simulate all machines.
+        """
+        start = cast("StartFunction", self.package.start)
+        has_hosts = any(algorithm.host for algorithm in self.spec.perception)
+        return partial(start, hosts_here=True) if has_hosts else start
 
     @property
     def loops(self) -> Callable[..., Mape] | None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from codra_dsl.compiler import plan_paths
 from codra_dsl.integrations.inspection import SpecError, compile_and_load, load_package, read_spec, source_files
 from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.journal import Kind
 
 DOOR_SPEC = """\
 codra: 1
@@ -85,3 +87,13 @@ def test_the_source_files_are_the_spec_and_its_included_parts(spec_path: Path, t
 def test_a_folder_without_a_package_cannot_be_imported(tmp_path: Path) -> None:
     with pytest.raises((ImportError, FileNotFoundError)):
         load_package(tmp_path)
+
+
+def test_in_a_world_the_functions_of_hosts_run_in_the_same_program(tmp_path: Path) -> None:
+    spec = read_spec(ROOT / "specs/kitchen.yaml")
+    hosted_spec = replace(spec, perception=tuple(replace(algorithm, host="arm_pc") for algorithm in spec.perception))
+    start = compile_and_load(hosted_spec, tmp_path / "made").start
+    resources = {resource.name: SimpleNamespace() for resource in spec.resources if resource.slots is None}
+    with start(clock=SimClock(), resources=resources) as codra:
+        assert codra.hosts.names == {"arm_pc"}
+        assert [event.what for event in codra.record.of(Kind.HOST)] == ["connected"]
