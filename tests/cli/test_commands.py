@@ -387,7 +387,7 @@ def test_a_folder_that_is_not_ours_is_refused_with_a_finding(project: Path) -> N
 
 def test_graph_prints_the_same_graph_in_every_format() -> None:
     as_json = json.loads(codra("graph", "specs/lab.yaml", "--format", "json", cwd=ROOT).stdout)
-    as_dot = pygraphviz.AGraph(string=codra("graph", "specs/lab.yaml", cwd=ROOT).stdout)
+    as_dot = pygraphviz.AGraph(string=codra("graph", "specs/lab.yaml", "--all", cwd=ROOT).stdout)
 
     assert {str(node) for node in as_dot.nodes()} == {node["id"] for node in as_json["nodes"]}
     assert len(as_dot.edges()) == len(as_json["edges"])

@@ -275,8 +275,7 @@ class SpecIndex:
 
     def kind_elsewhere(self, name: str, section: str) -> str | None:
         """Return the kind of an element with this name in another section; None if there is none."""
-        others = (other for other in NOUNS if other != section)
-        return next((NOUNS[other] for other in others if self.declares(other, name)), None)
+        return next((noun for other, noun in NOUNS.items() if other != section and self.declares(other, name)), None)
 
     def nearest_name(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
         """Return the most likely candidate for an unknown name. `kind` identifies the candidates in the cache."""
