@@ -116,7 +116,7 @@ class Place:
 
     Attributes:
         draws_back: whether the robot waits with its arm drawn back; otherwise the camera shows the complete machine.
-        watched: the reported variables.
+        watched: the reported variables: first the one that somebody changes, last the one that is drawn beside it.
     """
 
     machine: str
@@ -124,31 +124,26 @@ class Place:
     draws_back: bool
     watched: tuple[str, ...]
 
-    @property
-    def lid(self) -> str:
-        """Return the variable that somebody changes."""
-        return f"{self.machine}_open"
-
     def outcomes_in(self, outcomes: Mapping[str, Outcome]) -> Sequence[Outcome]:
         """Return the outcomes of the trials at this place."""
         return [outcome for name, outcome in outcomes.items() if name.startswith(self.machine)]
 
 
-PLACES = (
-    Place(
-        machine=PCR_CYCLER,
-        arms=(NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT),
-        draws_back=False,
-        watched=tuple(f"{PCR_CYCLER}_{name}" for name in ("open", "locked", "base_in_FOV", "lid_in_FOV")),
-    ),
-    Place(
-        machine=CENTRIFUGE,
-        arms=(NAIVE, PRECONDITIONS, PRECONDITIONS_ALTERNATIVES, NEED_ON_EVENT, ALTERNATIVES),
-        draws_back=True,
-        watched=(f"{CENTRIFUGE}_open", f"{CENTRIFUGE}_lid_in_FOV"),
-    ),
+AT_PCR_CYCLER = Place(
+    machine=PCR_CYCLER,
+    arms=(NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT),
+    draws_back=False,
+    watched=tuple(f"{PCR_CYCLER}_{name}" for name in ("open", "locked", "lid_in_FOV", "base_in_FOV")),
 )
-"""Only the centrifuge has a variable with an alternative. When the arm is drawn back, its open lid is out of view."""
+AT_CENTRIFUGE = Place(
+    machine=CENTRIFUGE,
+    arms=(NAIVE, PRECONDITIONS, PRECONDITIONS_ALTERNATIVES, NEED_ON_EVENT, ALTERNATIVES),
+    draws_back=True,
+    watched=(f"{CENTRIFUGE}_open", f"{CENTRIFUGE}_lid_in_FOV"),
+)
+"""Only the centrifuge has a variable with an alternative. While the arm is drawn back, its open lid is out of view."""
+
+PLACES = (AT_PCR_CYCLER, AT_CENTRIFUGE)
 
 _NOTE = (
     "The robot opens a machine and waits beside it. Then all arms of the experiment see the same disturbances. At the "
@@ -245,43 +240,39 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    outcomes_by_place = {place.machine: place.outcomes_in(outcomes) for place in PLACES}
-    beliefs_by_place = {
-        place.machine: [
-            belief_in(outcomes_by_place[place.machine], episode, name, arm.name)
-            for episode in episodes(place.machine)
-            for name in place.watched
-            for arm in place.arms
-        ]
-        for place in PLACES
-    }
+    runs = {place: place.outcomes_in(outcomes) for place in PLACES}
+    beliefs = {place: _beliefs(place, place_runs) for place, place_runs in runs.items()}
     alternative_names = alternatives(read_spec(settings.spec)).get(VARIABLE, ())
-    findings = knowledge(outcomes_by_place[CENTRIFUGE], _situations(), alternative_names)
+    findings = knowledge(runs[AT_CENTRIFUGE], _situations(), alternative_names)
     return Document(
         title="lab-disturbances: what observers believe when somebody else interferes",
         summary=(
-            *(sentence for place in PLACES for sentence in _summary(place, beliefs_by_place[place.machine])),
-            knowledge_sentence(findings, _OUT_OF_VIEW_QUIET),
-            knowledge_sentence(findings, _OUT_OF_VIEW),
+            *(sentence for place in PLACES for sentence in _summary(place, beliefs[place])),
+            *(knowledge_sentence(findings, situation) for situation in (_OUT_OF_VIEW_QUIET, _OUT_OF_VIEW)),
             runs_sentence(list(outcomes.values())),
         ),
         sections=(
             Section(title="Runs", parts=(Words(text=_NOTE),)),
-            *(
-                section
-                for place in PLACES
-                for section in _sections(place, beliefs_by_place[place.machine], outcomes_by_place[place.machine])
-            ),
+            *(section for place in PLACES for section in _sections(place, beliefs[place], runs[place])),
             Section(
                 title="Complementary observers",
                 parts=(Words(text=_ALTERNATIVES_NOTE), knowledge_table(findings, "The centrifuge, over all runs.")),
             ),
         ),
         results={
-            **{place.machine: _beliefs_as_data(place, beliefs_by_place[place.machine]) for place in PLACES},
+            **{place.machine: _beliefs_as_data(place, beliefs[place]) for place in PLACES},
             "complementary_observers": knowledge_as_data(findings),
         },
     )
+
+
+def _beliefs(place: Place, outcomes: Sequence[Outcome]) -> Sequence[Belief]:
+    return [
+        belief_in(outcomes, episode, name, arm.name)
+        for episode in episodes(place.machine)
+        for name in place.watched
+        for arm in place.arms
+    ]
 
 
 _ALTERNATIVES_NOTE = (
@@ -305,8 +296,8 @@ def _situations() -> Mapping[str, SpanFunction]:
 
 
 def _whole_episode(episode: Episode, outcome: Outcome) -> Sequence[Piece]:
-    del outcome
-    return [Piece(episode.start_s, episode.until_s, None)]
+    """Return the span of an episode. As in `belief_in`, a run that ended before the end of the episode is left out."""
+    return [Piece(episode.start_s, episode.until_s, None)] if outcome.duration_s >= episode.until_s else []
 
 
 def _sections(place: Place, beliefs: Sequence[Belief], outcomes: Sequence[Outcome]) -> Iterator[Section]:
@@ -314,8 +305,8 @@ def _sections(place: Place, beliefs: Sequence[Belief], outcomes: Sequence[Outcom
     yield Section(title=f"{title}: arms", parts=(arms_table(place.arms),))
     for episode in episodes(place.machine):
         yield _section(f"{title}: {episode.name}", episode, [belief for belief in beliefs if belief.episode == episode])
-    caption = "The true value and the value of each arm. The background is marked while the value is wrong."
-    parts = tuple(drawings.timeline(outcomes[0], name, caption) for name in (place.lid, place.watched[-1]))
+    caption = "The true value and the value of each arm. The background is red while the value is wrong."
+    parts = tuple(drawings.timeline(outcomes[0], name, caption) for name in (place.watched[0], place.watched[-1]))
     yield Section(title=f"{title}: one run over time", parts=parts)
 
 
@@ -371,16 +362,17 @@ def _delay_against(belief: Belief, other: Belief) -> Estimate:
 
 
 def _summary(place: Place, beliefs: Sequence[Belief]) -> Iterator[str]:
+    lid = place.watched[0]
     for episode in episodes(place.machine):
-        lid_beliefs = [belief for belief in beliefs if belief.episode == episode and belief.variable == place.lid]
+        lid_beliefs = [belief for belief in beliefs if belief.episode == episode and belief.variable == lid]
         episode_text = f"{episode.name.capitalize()}, {len(lid_beliefs[0].right_again_s)} runs"
         if not any(_wrong_s(belief) for belief in lid_beliefs):
-            yield f"{episode_text}: no arm was wrong about {label(place.lid)} at any time."
+            yield f"{episode_text}: no arm was wrong about {label(lid)} at any time."
         else:
             beliefs_text = "; ".join(
                 f"{belief.arm}, {_wrong_s(belief):.0f} s wrong, {_right_again_text(belief)}" for belief in lid_beliefs
             )
-            yield f"{episode_text}, {label(place.lid)}: {beliefs_text}."
+            yield f"{episode_text}, {label(lid)}: {beliefs_text}."
 
 
 def _wrong_s(belief: Belief) -> float:

@@ -83,7 +83,7 @@ _Runs = Sequence[tuple[Outcome, Sequence[Piece]]]
 
 def _knowledge(situation: str, runs: _Runs, arm: str, alternatives: Sequence[str]) -> Knowledge:
     own, other = (_seconds(runs, name) for name in (arm, WITHOUT_ALTERNATIVES.get(arm, arm)))
-    sources = [_within(outcome.arms[arm].sources[VARIABLE], spans) for outcome, spans in runs]
+    sources = [_within(outcome.arms[arm].sources.get(VARIABLE, ()), spans) for outcome, spans in runs]
     runs_in_use = [
         (outcome, [piece for piece in pieces if piece.value in alternatives])
         for (outcome, _), pieces in zip(runs, sources, strict=True)

@@ -118,6 +118,14 @@ def test_the_report_states_how_much_more_is_right_with_the_alternative(outcome: 
     assert PRECONDITIONS.name in knowledge_sentence(list(by_arm.values()), "out of view")
 
 
+def test_a_spec_without_alternatives_gives_a_report_in_which_none_is_in_use(outcome: Outcome) -> None:
+    arms = {name: replace(arm, sources={}) for name, arm in outcome.arms.items()}
+    found = knowledge([replace(outcome, arms=arms)], {"out of view": out_of_view}, ())
+
+    assert {finding.in_use.strict_share.total for finding in found} == {0.0}
+    assert "complete runs: none" in knowledge_table(found, "All runs.").caption
+
+
 def test_a_value_is_a_mistake_of_the_alternative_only_if_its_evidence_was_wrong(outcome: Outcome) -> None:
     name = PRECONDITIONS_ALTERNATIVES.name
     never_open = replace(outcome, truth={**outcome.truth, VARIABLE: (Piece(0.0, DURATION_S, False),)})
