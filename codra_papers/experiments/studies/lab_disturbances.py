@@ -253,11 +253,11 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         ),
         sections=(
             Section(title="Runs", parts=(Words(text=_NOTE),)),
-            *(section for place in PLACES for section in _sections(place, beliefs[place], runs[place])),
             Section(
                 title="Complementary observers",
                 parts=(Words(text=_ALTERNATIVES_NOTE), knowledge_table(findings, "The centrifuge, over all runs.")),
             ),
+            *(section for place in PLACES for section in _sections(place, beliefs[place], runs[place])),
         ),
         results={
             **{place.machine: _beliefs_as_data(place, beliefs[place]) for place in PLACES},
@@ -283,7 +283,7 @@ _ALTERNATIVES_NOTE = (
     "right by accident when somebody closes the lid again."
 )
 
-_OUT_OF_VIEW, _OUT_OF_VIEW_QUIET = "Lid out of view", "Lid out of view, before any disturbance"
+_OUT_OF_VIEW, _OUT_OF_VIEW_QUIET = "Lid out of view", "Lid out of view, undisturbed"
 
 
 def _situations() -> Mapping[str, SpanFunction]:

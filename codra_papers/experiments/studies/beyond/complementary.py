@@ -116,7 +116,7 @@ def _seconds(runs: _Runs, arm: str) -> Sequence[Seconds]:
 def knowledge_table(findings: Sequence[Knowledge], caption: str) -> Table:
     """Return a table with a row for each situation and arm."""
     header = ("situation", "arm", "seconds", "known", "right", "wrong", "in use", "wrong s", "mistakes s", "more right")
-    jobs = ", ".join(dict.fromkeys(f"{finding.jobs} of {finding.arm}" for finding in findings if finding.jobs))
+    jobs = ", ".join(dict.fromkeys(f"{finding.jobs} of '{finding.arm}'" for finding in findings if finding.jobs))
     caption = (
         f"{caption} Known, right, wrong: the shares of these seconds in which the arm held a value of "
         f"{label(VARIABLE)}, a right value, and a wrong value. In use: the share in which the held value had evidence "
@@ -141,8 +141,8 @@ def knowledge_sentence(findings: Sequence[Knowledge], situation: str) -> str:
     """Return a sentence about one situation that compares the arms with alternatives with those without them."""
     shares = {finding.arm: finding.seconds.strict_share for finding in findings if finding.situation == situation}
     texts = [
-        f"{ratio(shares[finding.arm])} of the time with {finding.arm} and {ratio(shares[other_arm])} with {other_arm}, "
-        f"difference {interval(finding.more_right)}"
+        f"{ratio(shares[finding.arm])} of the time with '{finding.arm}' and {ratio(shares[other_arm])} with "
+        f"'{other_arm}', difference {interval(finding.more_right)}"
         for finding in findings
         if finding.situation == situation and finding.more_right is not None
         for other_arm in [WITHOUT_ALTERNATIVES[finding.arm]]
