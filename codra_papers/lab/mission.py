@@ -133,8 +133,14 @@ class Mission:
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
 
-    def wait_beside(self, machine: str, until_s: float) -> None:
+    def wait_beside(self, machine: str, until_s: float, *, draw_back: bool = False) -> None:
         """Drive to a machine, open it, wait in front of it until an instant, and close it.
+
+        Args:
+            machine: the name of the machine.
+            until_s: when the robot begins to close the machine.
+            draw_back: whether the arm returns to its ready pose before the robot waits. Otherwise the camera stays
+                where the last look was taken.
 
         Raises:
             MissionError: a decision did not get the necessary answer, or every try of an action failed.
@@ -142,6 +148,8 @@ class Mission:
         try:
             self._drive_to(machine)
             self.open_machine(machine)
+            if draw_back:
+                self._robot.draw_back(machine)
             self._clock.sleep(max(until_s - self._clock.now_s(), 0.0))
             self.close_machine(machine)
         except OutOfReachError as error:

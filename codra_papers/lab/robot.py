@@ -276,7 +276,7 @@ class Robot:
             self._schedule(self._new_move(key, (position.value,), duration_s))
             self._clock.sleep(duration_s)
             self._let_go(stand_off_gaze(grip))
-        self._retreat(machine)
+        self.draw_back(machine)
 
     def take_samples(self, machine: str) -> None:
         """Take the sample tray out of a machine and lay it on the deck, in about a minute.
@@ -294,7 +294,7 @@ class Robot:
             self._move_camera(DECK_GAZE, Phase.CARRY_TRAY)
             self._lay_down(DECK_GAZE)
             self.is_carrying = True
-        self._retreat(machine)
+        self.draw_back(machine)
 
     def bring_samples(self, machine: str) -> None:
         """Take the sample tray from the deck and put it into a machine, in about a minute.
@@ -318,7 +318,7 @@ class Robot:
         self._move_camera(place, Phase.CARRY_TRAY)
         self._lay_down(place)
         self.is_carrying = not lid_is_open
-        self._retreat(machine)
+        self.draw_back(machine)
 
     def _move_part(self, machine: str, part: Part, to_rad: float, phases: tuple[Phase, Phase]) -> None:
         """Grip a part, move it with the hand, let go and retreat.
@@ -346,7 +346,7 @@ class Robot:
             grip = self._grip_at(machine, part, to_rad)
         self._clock.sleep(duration_s)
         self._let_go(stand_off_gaze(grip))
-        self._retreat(machine)
+        self.draw_back(machine)
 
     def _follows_hand(self, machine: str, part: Part) -> bool:
         """Return whether a part follows the hand. A closed lid follows only if the latch is at least half unlocked."""
@@ -404,7 +404,7 @@ class Robot:
         self._schedule(self._new_move(Quantity.HOLDING, (0.0,), 0.0))
         self._let_go(stand_off_gaze(gaze))
 
-    def _retreat(self, machine: str) -> None:
+    def draw_back(self, machine: str) -> None:
         """Draw the hand back out of sight, and move the camera to the pose in which it sees the machine."""
         duration_s = self._draw(Phase.RETREAT)
         self._schedule(

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from codra_dsl.language.expression import Name
 from codra_dsl.language.model import Access, Spec
+from codra_papers.experiments.lab.spec_variants import WithoutAlternatives
 
 
 def vision_algorithms(spec: Spec) -> tuple[str, ...]:
@@ -13,6 +14,17 @@ def vision_algorithms(spec: Spec) -> tuple[str, ...]:
     return tuple(
         algorithm.name for algorithm in spec.perception if any(use.access is Access.SLOT for use in algorithm.uses)
     )
+
+
+def alternatives(spec: Spec) -> Mapping[str, Sequence[str]]:
+    """Return the alternatives of each variable: all its algorithms except for the one with the lowest rank."""
+    first_names = {algorithm.name for algorithm in WithoutAlternatives()(spec).perception}
+    names_by_variable: dict[str, list[str]] = {}
+    for algorithm in spec.perception:
+        if algorithm.name not in first_names:
+            for entry in algorithm.identifies:
+                names_by_variable.setdefault(entry.variable.name, []).append(algorithm.name)
+    return names_by_variable
 
 
 def plain_preconditions(spec: Spec) -> Mapping[str, Sequence[str]]:

@@ -69,6 +69,10 @@ NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED, edits=(_NO_ALTER
 ALTERNATIVES = Arm(name="need, on event, alternatives", need=Need.ANNOUNCED)
 """The arm with the unchanged spec: alternatives by rank as well (P1, section 1: complementary observers)."""
 
+PRECONDITIONS_ALTERNATIVES = Arm(name="preconditions, alternatives", need=Need.EVERYTHING, edits=(_PERIODIC_REFRESH,))
+WITHOUT_ALTERNATIVES = {PRECONDITIONS_ALTERNATIVES.name: PRECONDITIONS.name, ALTERNATIVES.name: NEED_ON_EVENT.name}
+"""For each arm with alternatives, the arm that differs from it only in having none."""
+
 
 def observers(arm: Arm, spec: Spec, folder: Path) -> Observers:
     """Compile an arm.

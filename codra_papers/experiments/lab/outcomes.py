@@ -127,6 +127,7 @@ class ArmOutcome:
         observable_triggers: for each algorithm whose preconditions in the trial's spec are names of variables, how many
             jobs were started while these preconditions were true. The arm itself may have no preconditions.
         slot_s: how long the observers of the arm held slots.
+        sources: the source of the held value of each variable that has alternatives in the trial's spec.
     """
 
     held: Mapping[str, Sequence[Piece]]
@@ -135,6 +136,7 @@ class ArmOutcome:
     triggers: Mapping[str, int]
     observable_triggers: Mapping[str, int]
     slot_s: float
+    sources: Mapping[str, Sequence[Piece]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,9 +190,11 @@ class Outcome:
 
 
 def _arm(content: Mapping[str, Any]) -> ArmOutcome:
-    held = {name: _pieces(timeline) for name, timeline in content["held"].items()}
+    held, sources = (
+        {name: _pieces(timeline) for name, timeline in content[key].items()} for key in ("held", "sources")
+    )
     wrong = {name: tuple(WrongSpan(**span) for span in spans) for name, spans in content["wrong"].items()}
-    return ArmOutcome(**{**content, "held": held, "wrong": wrong})
+    return ArmOutcome(**{**content, "held": held, "wrong": wrong, "sources": sources})
 
 
 def _decision(content: Mapping[str, Any]) -> Decision:

@@ -64,6 +64,19 @@ def held_pieces(record: EventLog, names: Sequence[str], end_s: float) -> Mapping
     return {name: pieces(variable_changes, end_s) for name, variable_changes in changes.items()}
 
 
+def source_pieces(record: EventLog, name: str, end_s: float) -> tuple[Piece, ...]:
+    """Return, from 0 s to the end of a run, the source of the value of a variable that a context manager held.
+
+    The source is the name of an algorithm or of another writer; None while the value is unknown.
+    """
+    changes: list[tuple[float, Value | None]] = [(0.0, None)]
+    for event in record.of(Kind.VARIABLE, name):
+        if event.details.get("present") and event.instant_s < end_s:
+            is_known = event.details["value"] is not None
+            changes.append((event.instant_s, event.details["source"] if is_known else None))
+    return pieces(changes, end_s)
+
+
 def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple[Piece, ...]:
     """Return the pieces between `changes`, which must be in order of time.
 
@@ -72,7 +85,7 @@ def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple
     merged_pieces: list[Piece] = []
     starts = [start_s for start_s, _ in changes]
     for (start_s, value), next_s in zip(changes, [*starts[1:], end_s], strict=True):
-        if merged_pieces and merged_pieces[-1].value is value:
+        if merged_pieces and merged_pieces[-1].value == value:
             merged_pieces[-1] = Piece(merged_pieces[-1].start_s, next_s, value)
         elif next_s > start_s:
             merged_pieces.append(Piece(start_s, next_s, value))

@@ -16,7 +16,7 @@ from codra_dsl.language.model import Spec
 from codra_dsl.runtime import EventLog, Reading
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.values.conditions import Value
-from codra_papers.experiments.lab.algorithms import plain_preconditions
+from codra_papers.experiments.lab.algorithms import alternatives, plain_preconditions
 from codra_papers.experiments.lab.arms import Arm, observers
 from codra_papers.experiments.lab.fanout import AskedDecision
 from codra_papers.experiments.lab.outcomes import (
@@ -30,7 +30,7 @@ from codra_papers.experiments.lab.outcomes import (
     WrongSpan,
 )
 from codra_papers.experiments.lab.run import ONE_LOOP, ArmRun, LabRun, LabSettings, Work, run_lab
-from codra_papers.experiments.lab.scoring import Piece, overlaps
+from codra_papers.experiments.lab.scoring import Piece, overlaps, source_pieces
 from codra_papers.lab.perception.frame import Frame
 from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 
@@ -170,7 +170,6 @@ def _evenly_spread_evidence(run: LabRun, count: int) -> Sequence[_Evidence]:
 
 
 def _outcome(trial: Trial, run: LabRun, spec: Spec) -> Outcome:
-    preconditions = plain_preconditions(spec)
     return Outcome(
         name=trial.name,
         seed=trial.seed,
@@ -181,23 +180,22 @@ def _outcome(trial: Trial, run: LabRun, spec: Spec) -> Outcome:
         frames=run.frames,
         perceived=run.perceived,
         truth=run.truth,
-        arms={arm.name: _arm_outcome(arm, run.truth, preconditions) for arm in run.arms},
+        arms={arm.name: _arm_outcome(arm, run, spec) for arm in run.arms},
         decisions=_decisions(run, trial),
         skills=[(span.name, span.start_s, span.end_s) for span in run.skills],
         kept=list(_kept_frames(run, trial.frames_kept)),
     )
 
 
-def _arm_outcome(
-    arm: ArmRun, truth: Mapping[str, Sequence[Piece]], preconditions: Mapping[str, Sequence[str]]
-) -> ArmOutcome:
+def _arm_outcome(arm: ArmRun, run: LabRun, spec: Spec) -> ArmOutcome:
     return ArmOutcome(
         held=arm.held,
-        wrong=wrong_spans(arm.record, truth),
+        wrong=wrong_spans(arm.record, run.truth),
         first_s={score.name: score.first_s for score in arm.scores},
         triggers=arm.jobs,
-        observable_triggers=_observable_triggers(arm.record, truth, preconditions),
+        observable_triggers=_observable_triggers(arm.record, run.truth, plain_preconditions(spec)),
         slot_s=sum(cost.slot_s for cost in arm.spent.values()),
+        sources={name: source_pieces(arm.record, name, run.duration_s) for name in alternatives(spec)},
     )
 
 

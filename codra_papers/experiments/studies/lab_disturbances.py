@@ -5,29 +5,45 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
+from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.cells import interval, plain_table, rounded
 from codra_papers.experiments.campaign.document import Cell, Document, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.campaign.statistics import Estimate, mean_interval
-from codra_papers.experiments.lab.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_EVENT, PRECONDITIONS
+from codra_papers.experiments.lab.algorithms import alternatives
+from codra_papers.experiments.lab.arms import (
+    ALTERNATIVES,
+    NAIVE,
+    NAIVE_PACED,
+    NEED,
+    NEED_ON_EVENT,
+    PRECONDITIONS,
+    PRECONDITIONS_ALTERNATIVES,
+    Arm,
+)
 from codra_papers.experiments.lab.metrics import Seconds, seconds, total
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.scoring import Piece, overlaps
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import reported_seeds, runs_sentence
+from codra_papers.experiments.studies.beyond.complementary import (
+    VARIABLE,
+    SpanFunction,
+    knowledge,
+    knowledge_as_data,
+    knowledge_sentence,
+    knowledge_table,
+    out_of_view,
+)
 from codra_papers.experiments.studies.beyond.workloads import Waiting
 from codra_papers.experiments.studies.robustness import drawings
 from codra_papers.experiments.studies.robustness.findings import label
 from codra_papers.experiments.studies.robustness.tables import arms_table
-from codra_papers.lab.mission import PCR_CYCLER
+from codra_papers.lab.mission import CENTRIFUGE, PCR_CYCLER
 from codra_papers.lab.simulator.laboratory import LABORATORY, Disturbance, LidMoved, LightDown, PersonBefore
-
-ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
-
-LID = f"{PCR_CYCLER}_open"
-WATCHED_VARIABLES = (LID, f"{PCR_CYCLER}_locked", f"{PCR_CYCLER}_base_in_FOV", f"{PCR_CYCLER}_lid_in_FOV")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,74 +63,115 @@ class Episode:
     disturbances: tuple[Disturbance, ...]
 
 
-EPISODES = (
-    Episode(
-        name="the light goes down",
-        start_s=800.0,
-        disturbance_end_s=861.0,
-        until_s=940.0,
-        disturbances=(LightDown(at_s=800.0, lasts_s=60.0, light=0.02),),
-    ),
-    Episode(
-        name="a person stands before the camera",
-        start_s=940.0,
-        disturbance_end_s=1002.0,
-        until_s=1080.0,
-        disturbances=(PersonBefore(at_s=940.0, lasts_s=60.0),),
-    ),
-    Episode(
-        name="somebody closes the lid",
-        start_s=1080.0,
-        disturbance_end_s=1083.0,
-        until_s=1160.0,
-        disturbances=(LidMoved(at_s=1080.0, machine=PCR_CYCLER, open_share=0.0),),
-    ),
-    Episode(
-        name="somebody opens the lid",
-        start_s=1160.0,
-        disturbance_end_s=1163.0,
-        until_s=1240.0,
-        disturbances=(LidMoved(at_s=1160.0, machine=PCR_CYCLER, open_share=1.0),),
-    ),
-    Episode(
-        name="behind a person, somebody closes the lid",
-        start_s=1240.0,
-        disturbance_end_s=1302.0,
-        until_s=1380.0,
-        disturbances=(
-            PersonBefore(at_s=1240.0, lasts_s=60.0),
-            LidMoved(at_s=1260.0, machine=PCR_CYCLER, open_share=0.0),
+def episodes(machine: str) -> tuple[Episode, ...]:
+    """Return the episodes beside a machine, which are at the same instants in every run.
+
+    Before the first episode, there is time to repair one or two failed actions.
+    """
+    return (
+        Episode(
+            name="the light goes down",
+            start_s=800.0,
+            disturbance_end_s=861.0,
+            until_s=940.0,
+            disturbances=(LightDown(at_s=800.0, lasts_s=60.0, light=0.02),),
         ),
-    ),
+        Episode(
+            name="a person stands before the camera",
+            start_s=940.0,
+            disturbance_end_s=1002.0,
+            until_s=1080.0,
+            disturbances=(PersonBefore(at_s=940.0, lasts_s=60.0),),
+        ),
+        Episode(
+            name="somebody closes the lid",
+            start_s=1080.0,
+            disturbance_end_s=1083.0,
+            until_s=1160.0,
+            disturbances=(LidMoved(at_s=1080.0, machine=machine, open_share=0.0),),
+        ),
+        Episode(
+            name="somebody opens the lid",
+            start_s=1160.0,
+            disturbance_end_s=1163.0,
+            until_s=1240.0,
+            disturbances=(LidMoved(at_s=1160.0, machine=machine, open_share=1.0),),
+        ),
+        Episode(
+            name="behind a person, somebody closes the lid",
+            start_s=1240.0,
+            disturbance_end_s=1302.0,
+            until_s=1380.0,
+            disturbances=(
+                PersonBefore(at_s=1240.0, lasts_s=60.0),
+                LidMoved(at_s=1260.0, machine=machine, open_share=0.0),
+            ),
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """A machine beside which the robot waits, and the arms that watch.
+
+    Attributes:
+        draws_back: whether the robot waits with its arm drawn back; otherwise the camera shows the complete machine.
+        watched: the reported variables: first the one that somebody changes, last the one that is drawn beside it.
+    """
+
+    machine: str
+    arms: tuple[Arm, ...]
+    draws_back: bool
+    watched: tuple[str, ...]
+
+    def outcomes_in(self, outcomes: Mapping[str, Outcome]) -> Sequence[Outcome]:
+        """Return the outcomes of the trials at this place."""
+        return [outcome for name, outcome in outcomes.items() if name.startswith(self.machine)]
+
+
+AT_PCR_CYCLER = Place(
+    machine=PCR_CYCLER,
+    arms=(NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT),
+    draws_back=False,
+    watched=tuple(f"{PCR_CYCLER}_{name}" for name in ("open", "locked", "lid_in_FOV", "base_in_FOV")),
 )
-"""The episodes, which are at the same instants in every run. Before the first episode, there is time to repair one or
-two failed actions."""
+AT_CENTRIFUGE = Place(
+    machine=CENTRIFUGE,
+    arms=(NAIVE, PRECONDITIONS, PRECONDITIONS_ALTERNATIVES, NEED_ON_EVENT, ALTERNATIVES),
+    draws_back=True,
+    watched=(f"{CENTRIFUGE}_open", f"{CENTRIFUGE}_lid_in_FOV"),
+)
+"""Only the centrifuge has a variable with an alternative. While the arm is drawn back, its open lid is out of view."""
+
+PLACES = (AT_PCR_CYCLER, AT_CENTRIFUGE)
 
 _NOTE = (
-    "The robot opens the PCR-cycler, draws its arm back, and waits beside the machine, where its camera sees the "
-    "complete machine. Then all arms of the experiment see the same disturbances. At the end the robot closes the "
-    "machine if it is open. The robot looks by itself for each of its decisions. No arm is informed of a "
-    "disturbance. Disturbances follow one another, so an arm that never noticed that the lid was closed is right "
-    "again, without a new observation, when somebody opens the lid."
+    "The robot opens a machine and waits beside it. Then all arms of the experiment see the same disturbances. At the "
+    "end the robot closes the machine if it is open. At the PCR-cycler, the camera sees the complete machine. At the "
+    "centrifuge, the arm is drawn back: the camera sees a closed lid, but an open lid is out of view, and only the "
+    "rotor in the machine shows that the lid is open. The robot looks by itself for each of its decisions. No arm is "
+    "informed of a disturbance. Disturbances follow one another, so an arm that never noticed that the lid was closed "
+    "is right again, without a new observation, when somebody opens the lid."
 )
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run per seed. Each run has all disturbances."""
-    laboratory = replace(
-        LABORATORY, disturbances=tuple(disturbance for episode in EPISODES for disturbance in episode.disturbances)
+    """Return one run per seed and place. Each run has all disturbances."""
+    return [trial(settings, place, seed) for place in PLACES for seed in reported_seeds(settings)]
+
+
+def trial(settings: Settings, place: Place, seed: int) -> Trial:
+    """Return the run of one seed at one place."""
+    place_episodes = episodes(place.machine)
+    disturbances = tuple(disturbance for episode in place_episodes for disturbance in episode.disturbances)
+    return Trial(
+        name=f"{place.machine}-{seed}",
+        spec=settings.spec,
+        seed=seed,
+        arms=place.arms,
+        laboratory=replace(LABORATORY, disturbances=disturbances),
+        work=Waiting(machine=place.machine, until_s=place_episodes[-1].until_s, draws_back=place.draws_back),
     )
-    return [
-        Trial(
-            name=f"run-{seed}",
-            spec=settings.spec,
-            seed=seed,
-            arms=ARMS,
-            laboratory=laboratory,
-            work=Waiting(machine=PCR_CYCLER, until_s=EPISODES[-1].until_s),
-        )
-        for seed in reported_seeds(settings)
-    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,37 +235,82 @@ def right_again_s(held: Sequence[Piece], truth: Sequence[Piece], start_s: float,
 
 
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
-    """Return the report on the outcomes of `trials`."""
-    del settings
-    runs = list(outcomes.values())
-    beliefs = [
-        belief_in(runs, episode, name, arm.name) for episode in EPISODES for name in WATCHED_VARIABLES for arm in ARMS
-    ]
+    """Return the report on the outcomes of `trials`.
+
+    Raises:
+        SpecError: if the spec has errors.
+    """
+    runs = {place: place.outcomes_in(outcomes) for place in PLACES}
+    beliefs = {place: _beliefs(place, place_runs) for place, place_runs in runs.items()}
+    alternative_names = alternatives(read_spec(settings.spec)).get(VARIABLE, ())
+    findings = knowledge(runs[AT_CENTRIFUGE], _situations(), alternative_names)
     return Document(
         title="lab-disturbances: what observers believe when somebody else interferes",
-        summary=(*_summary(beliefs), runs_sentence(runs)),
+        summary=(
+            *(sentence for place in PLACES for sentence in _summary(place, beliefs[place])),
+            *(knowledge_sentence(findings, situation) for situation in (_OUT_OF_VIEW_QUIET, _OUT_OF_VIEW)),
+            runs_sentence(list(outcomes.values())),
+        ),
         sections=(
-            Section(title="Arms", parts=(Words(text=_NOTE), arms_table(ARMS))),
-            *(_section(episode, [belief for belief in beliefs if belief.episode is episode]) for episode in EPISODES),
+            Section(title="Runs", parts=(Words(text=_NOTE),)),
             Section(
-                title="One run over time",
-                parts=tuple(
-                    drawings.timeline(
-                        runs[0],
-                        name,
-                        "The true value and the value of each arm. The background is red while the value is wrong.",
-                    )
-                    for name in (LID, WATCHED_VARIABLES[2])
-                ),
+                title="Complementary observers",
+                parts=(Words(text=_ALTERNATIVES_NOTE), knowledge_table(findings, "The centrifuge, over all runs.")),
             ),
+            *(section for place in PLACES for section in _sections(place, beliefs[place], runs[place])),
         ),
         results={
-            episode.name: [_as_data(belief) for belief in beliefs if belief.episode is episode] for episode in EPISODES
+            **{place.machine: _beliefs_as_data(place, beliefs[place]) for place in PLACES},
+            "complementary_observers": knowledge_as_data(findings),
         },
     )
 
 
-def _section(episode: Episode, beliefs: Sequence[Belief]) -> Section:
+def _beliefs(place: Place, outcomes: Sequence[Outcome]) -> Sequence[Belief]:
+    return [
+        belief_in(outcomes, episode, name, arm.name)
+        for episode in episodes(place.machine)
+        for name in place.watched
+        for arm in place.arms
+    ]
+
+
+_ALTERNATIVES_NOTE = (
+    "While the lid is out of view, the algorithm that measures the angle of the lid cannot look. Then the alternative "
+    "looks for tags of the rotor, which a closed lid hides. An arm with alternatives and the arm without them differ "
+    "in nothing else, and watch the same frames. The lid is out of view while the robot is near the centrifuge and "
+    "less than half of the corners of the lid's tags are in the image. An arm that missed that the lid was opened is "
+    "right by accident when somebody closes the lid again."
+)
+
+_OUT_OF_VIEW, _OUT_OF_VIEW_QUIET = "Lid out of view", "Lid out of view, undisturbed"
+
+
+def _situations() -> Mapping[str, SpanFunction]:
+    place_episodes = episodes(CENTRIFUGE)
+    return {
+        _OUT_OF_VIEW_QUIET: partial(out_of_view, end_s=place_episodes[0].start_s),
+        _OUT_OF_VIEW: out_of_view,
+        **{episode.name.capitalize(): partial(_whole_episode, episode) for episode in place_episodes},
+    }
+
+
+def _whole_episode(episode: Episode, outcome: Outcome) -> Sequence[Piece]:
+    """Return the span of an episode. As in `belief_in`, a run that ended before the end of the episode is left out."""
+    return [Piece(episode.start_s, episode.until_s, None)] if outcome.duration_s >= episode.until_s else []
+
+
+def _sections(place: Place, beliefs: Sequence[Belief], outcomes: Sequence[Outcome]) -> Iterator[Section]:
+    title = f"At the {label(place.machine)}"
+    yield Section(title=f"{title}: arms", parts=(arms_table(place.arms),))
+    for episode in episodes(place.machine):
+        yield _section(f"{title}: {episode.name}", episode, [belief for belief in beliefs if belief.episode == episode])
+    caption = "The true value and the value of each arm. The background is red while the value is wrong."
+    parts = tuple(drawings.timeline(outcomes[0], name, caption) for name in (place.watched[0], place.watched[-1]))
+    yield Section(title=f"{title}: one run over time", parts=parts)
+
+
+def _section(title: str, episode: Episode, beliefs: Sequence[Belief]) -> Section:
     caption = (
         f"Seconds over all runs, during the disturbance ({episode.start_s:g} s to {episode.disturbance_end_s:g} s) and "
         f"after it (to {episode.until_s:g} s). Seconds with a wrong value are marked."
@@ -224,7 +326,7 @@ def _section(episode: Episode, beliefs: Sequence[Belief]) -> Section:
         [_right_again_row(belief, _naive_belief(beliefs, belief.variable)) for belief in beliefs],
     )
     parts = (Table(caption=caption, header=header, rows=rows, marked=marked), right_again_table)
-    return Section(title=episode.name.capitalize(), parts=parts)
+    return Section(title=title, parts=parts)
 
 
 def _seconds_row(belief: Belief) -> Sequence[Cell]:
@@ -259,17 +361,18 @@ def _delay_against(belief: Belief, other: Belief) -> Estimate:
     return mean_interval(delays_s) if delays_s else Estimate(value=None, low=None, high=None)
 
 
-def _summary(beliefs: Sequence[Belief]) -> Iterator[str]:
-    for episode in EPISODES:
-        lid_beliefs = [belief for belief in beliefs if belief.episode is episode and belief.variable == LID]
+def _summary(place: Place, beliefs: Sequence[Belief]) -> Iterator[str]:
+    lid = place.watched[0]
+    for episode in episodes(place.machine):
+        lid_beliefs = [belief for belief in beliefs if belief.episode == episode and belief.variable == lid]
         episode_text = f"{episode.name.capitalize()}, {len(lid_beliefs[0].right_again_s)} runs"
         if not any(_wrong_s(belief) for belief in lid_beliefs):
-            yield f"{episode_text}: no arm was wrong about {label(LID)} at any time."
+            yield f"{episode_text}: no arm was wrong about {label(lid)} at any time."
         else:
             beliefs_text = "; ".join(
                 f"{belief.arm}, {_wrong_s(belief):.0f} s wrong, {_right_again_text(belief)}" for belief in lid_beliefs
             )
-            yield f"{episode_text}: {beliefs_text}."
+            yield f"{episode_text}, {label(lid)}: {beliefs_text}."
 
 
 def _wrong_s(belief: Belief) -> float:
@@ -283,6 +386,13 @@ def _right_again_text(belief: Belief) -> str:
     return (
         f"{text} (never in {never_count} of {len(belief.right_again_s)} runs)" if durations_s and never_count else text
     )
+
+
+def _beliefs_as_data(place: Place, beliefs: Sequence[Belief]) -> Mapping[str, Any]:
+    return {
+        episode.name: [_as_data(belief) for belief in beliefs if belief.episode == episode]
+        for episode in episodes(place.machine)
+    }
 
 
 def _as_data(belief: Belief) -> Mapping[str, Any]:

@@ -15,6 +15,7 @@ from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Ex
 from codra_papers.experiments.campaign.seeds import reported_seeds
 from codra_papers.experiments.lab.algorithms import vision_algorithms
 from codra_papers.experiments.lab.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_EVENT, PRECONDITIONS
+from codra_papers.experiments.lab.glossary import glossary
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.run import OneLoop, Work
 from codra_papers.experiments.lab.trials import Trial
@@ -93,10 +94,11 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         settings, {name: outcome for name, outcome in outcomes.items() if name not in factorial_outcomes}
     )
     factorial = factorial_report(factorial_outcomes, findings.slot_algorithms)
+    sections = (*_sections(settings, findings), factorial.section)
     return Document(
         title="lab-robustness: observer stability through context",
         summary=(*_summary(findings), *factorial.summary),
-        sections=(*_sections(settings, findings), factorial.section),
+        sections=(glossary(sections), *sections),
         results={**_results(findings), "factors": factorial.results},
     )
 
@@ -225,8 +227,7 @@ def _ring_drawings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Draw
         ]
         outcome = runs.outcomes[counts.index(max(counts))]
         caption = (
-            f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions. "
-            "Wrong values are magenta. A ring half-way between false and true: the arm did not know the value."
+            f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions."
         )
         yield drawings.decisions(outcome, name, caption)
 

@@ -37,14 +37,17 @@ class Waiting:
 
     Attributes:
         until_s: when the robot begins to close the machine.
+        draws_back: whether the arm returns to its ready pose before the robot waits. From this pose the camera sees an
+            open centrifuge without its lid.
     """
 
     machine: str
     until_s: float
+    draws_back: bool = False
 
     def __call__(self, mission: Mission) -> None:
         """Open the machine, wait and close it."""
-        mission.wait_beside(self.machine, self.until_s)
+        mission.wait_beside(self.machine, self.until_s, draw_back=self.draws_back)
 
 
 def return_visit_trials(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:

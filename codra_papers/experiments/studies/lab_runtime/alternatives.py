@@ -7,9 +7,17 @@ from dataclasses import asdict, dataclass
 
 from codra_dsl.language.model import Spec
 from codra_papers.experiments.campaign.document import Section, Table, Words
+from codra_papers.experiments.lab.algorithms import alternatives
 from codra_papers.experiments.lab.arms import ALTERNATIVES
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.lab.spec_variants import WithoutAlternatives
+from codra_papers.experiments.studies.beyond.complementary import (
+    VARIABLE,
+    knowledge,
+    knowledge_as_data,
+    knowledge_sentence,
+    knowledge_table,
+    out_of_view,
+)
 from codra_papers.experiments.studies.lab_runtime.finding import Finding
 from codra_papers.experiments.studies.lab_runtime.runs import WITH_ALTERNATIVES, WITH_OBSERVERS
 
@@ -28,17 +36,6 @@ class Answers:
     answered: int
     by_alternatives: int
     untrue: int
-
-
-def alternatives(spec: Spec) -> Mapping[str, Sequence[str]]:
-    """Return the alternatives of each variable: all its algorithms except for the one with the lowest rank."""
-    first_names = {algorithm.name for algorithm in WithoutAlternatives()(spec).perception}
-    names_by_variable: dict[str, list[str]] = {}
-    for algorithm in spec.perception:
-        if algorithm.name not in first_names:
-            for entry in algorithm.identifies:
-                names_by_variable.setdefault(entry.variable.name, []).append(algorithm.name)
-    return names_by_variable
 
 
 def answers(outcome: Outcome, variable: str, alternative_names: Sequence[str]) -> Answers:
@@ -61,6 +58,11 @@ def judge_alternatives(spec: Spec, observed: Outcome, with_alternatives: Outcome
         with_alternatives: the day with alternatives.
     """
     names_by_variable = alternatives(spec)
+    same_frames = knowledge(
+        [observed],
+        {"Lid out of view": out_of_view, "The whole day": lambda outcome: outcome.truth[VARIABLE]},
+        names_by_variable.get(VARIABLE, ()),
+    )
     days = {WITH_OBSERVERS: observed, WITH_ALTERNATIVES: with_alternatives}
     answers_by_variable = {
         variable: {day: answers(outcome, variable, names) for day, outcome in days.items()}
@@ -78,6 +80,12 @@ def judge_alternatives(spec: Spec, observed: Outcome, with_alternatives: Outcome
                     " algorithms of lower rank cannot, or if their results are rejected."
                 ),
                 _answers_table(answers_by_variable),
+                Words(
+                    text="On the day without alternatives, an arm with alternatives watched the same frames and"
+                    " answered nothing. The lid is out of view while the robot is near the centrifuge and less than"
+                    " half of the corners of the lid's tags are in the image."
+                ),
+                knowledge_table(same_frames, "The day with observers: all arms on the same frames."),
                 Table(
                     caption="How often each alternative looked on the day with alternatives.",
                     header=("algorithm", "looks"),
@@ -85,7 +93,8 @@ def judge_alternatives(spec: Spec, observed: Outcome, with_alternatives: Outcome
                 ),
             ],
         ),
-        summary=[_sentence(variable, entries) for variable, entries in answers_by_variable.items()],
+        summary=[_sentence(variable, entries) for variable, entries in answers_by_variable.items()]
+        + [knowledge_sentence(same_frames, "Lid out of view")],
         results={
             "alternatives": {
                 "answers": {
@@ -93,6 +102,7 @@ def judge_alternatives(spec: Spec, observed: Outcome, with_alternatives: Outcome
                     for variable, entries in answers_by_variable.items()
                 },
                 "looks": looks,
+                "same_frames": knowledge_as_data(same_frames),
                 "loops": {day: outcome.loops for day, outcome in days.items()},
             }
         },

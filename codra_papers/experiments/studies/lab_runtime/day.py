@@ -13,7 +13,13 @@ from codra_papers.experiments.studies.lab_runtime.finding import Finding, mean, 
 from codra_papers.experiments.studies.lab_runtime.paper import DAY_CHECKS, DAY_S, DAY_SAVED_MIN, DAY_SAVED_PER_CHECK_S
 from codra_papers.experiments.studies.lab_runtime.runs import REPAIR_S, WITH_OBSERVERS, WITHOUT_OBSERVERS, Pair
 from codra_papers.experiments.studies.lab_runtime.savings import Saving, saving
-from codra_papers.experiments.studies.lab_runtime.sources import answered_share, parts_table, reasons, saving_as_data
+from codra_papers.experiments.studies.lab_runtime.sources import (
+    answered_share,
+    parts_table,
+    reason_rows,
+    reasons,
+    saving_as_data,
+)
 
 _PARTS = (
     "Saved seconds of perception, in parts that add up. The values without observers are computed for the same number"
@@ -127,7 +133,7 @@ def _reasons_table(day: Day) -> Table:
     return Table(
         caption=f"Why context had no answer in {len(day.fell_back)} of {day.saving.checks} perception tasks.",
         header=("variable", "situation", "reason", "times"),
-        rows=[(*reason, count) for reason, count in sorted(reasons(day.fell_back).items())],
+        rows=reason_rows(day.fell_back),
     )
 
 

@@ -8,11 +8,13 @@ from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.document import Document, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Settings
 from codra_papers.experiments.lab.arms import NEED_ON_EVENT
+from codra_papers.experiments.lab.glossary import glossary
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.lab_runtime.alternatives import judge_alternatives
 from codra_papers.experiments.studies.lab_runtime.day import judge_day
 from codra_papers.experiments.studies.lab_runtime.finding import rounded
 from codra_papers.experiments.studies.lab_runtime.paper import EXECUTION_COUNT
+from codra_papers.experiments.studies.lab_runtime.rings import judge_rings
 from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, alternatives_day, day_pair, tending_pairs
 from codra_papers.experiments.studies.lab_runtime.sources import judge_sources
 from codra_papers.experiments.studies.lab_runtime.tending import judge_tending
@@ -32,13 +34,15 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         judge_tending(pairs),
         judge_sources(pairs),
         judge_day(day),
+        judge_rings(day.observed),
         judge_alternatives(read_spec(settings.spec), day.observed, alternatives_day(outcomes)),
         judge_wrong(runs, settings.folder),
     ]
+    sections = [_protocol_section(settings), *(finding.section for finding in findings), _early_ends_section(runs)]
     return Document(
         title="lab-runtime: reduced runtime through observers",
         summary=[sentence for finding in findings for sentence in finding.summary],
-        sections=[_protocol_section(settings), *(finding.section for finding in findings), _early_ends_section(runs)],
+        sections=[glossary(sections), *sections],
         results={
             "decision_s": DECISION_S,
             "wait_up_to_s": WAIT_S,

@@ -62,3 +62,6 @@ DAY_CHECKS = 153
 
 DAY_SAVED_MIN = 41.0
 DAY_SAVED_PER_CHECK_S = 16.0
+
+DAY_NAIVE_WRONG_COUNT = 4
+"""How often the naive observer was wrong about the centrifuge's lid at a decision of the day (section 4.1)."""

@@ -10,6 +10,7 @@ from codra_papers.experiments.lab.arms import ALTERNATIVES, NEED_ON_EVENT, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.run import Loops
 from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.factors.design import NAIVE_LIDS
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions
 from codra_papers.experiments.studies.lab_runtime.paper import DAY_S, EXECUTION_COUNT
 from codra_papers.lab.mission import PCR_CYCLER, Mission
@@ -75,8 +76,11 @@ def tending_trials(settings: Settings, seed: int, times: int = EXECUTION_COUNT) 
 
 
 def day_trials(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
-    """Return the two runs of a day at the fair: the robot processes sample after sample, and continues after errors."""
-    return list(_trial_pair(_day_trial(settings, duration_s)))
+    """Return the two runs of a day at the fair: the robot processes sample after sample, and continues after errors.
+
+    Further arms watch the day with observers, as P1's naive observers did, and answer nothing.
+    """
+    return list(_trial_pair(_day_trial(settings, duration_s), watching=(NAIVE_LIDS, ALTERNATIVES)))
 
 
 def alternatives_trial(settings: Settings, duration_s: float = DAY_S) -> Trial:
@@ -121,12 +125,12 @@ def _pair(name: str, outcomes: Mapping[str, Outcome]) -> Pair:
     return Pair(seed=without.seed, without=without, observed=observed)
 
 
-def _trial_pair(trial: Trial) -> Iterator[Trial]:
+def _trial_pair(trial: Trial, watching: tuple[Arm, ...] = ()) -> Iterator[Trial]:
     """Yield a run without observers, which has no arms, and a run with an arm that answers the decisions."""
     yield replace(trial, name=f"{trial.name}-{WITHOUT_OBSERVERS}")
-    yield _asking(trial, WITH_OBSERVERS, NEED_ON_EVENT)
+    yield _asking(trial, WITH_OBSERVERS, NEED_ON_EVENT, *watching)
 
 
-def _asking(trial: Trial, condition: str, arm: Arm) -> Trial:
-    """Return a run in which an arm answers the decisions."""
-    return replace(trial, name=f"{trial.name}-{condition}", arms=(arm,), answering_arm=arm.name)
+def _asking(trial: Trial, condition: str, arm: Arm, *watching: Arm) -> Trial:
+    """Return a run in which an arm answers the decisions, and other arms watch."""
+    return replace(trial, name=f"{trial.name}-{condition}", arms=(arm, *watching), answering_arm=arm.name)

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from codra_dsl.runtime import Reason
 from codra_papers.experiments.campaign.document import Cell, Section, Table, Words
-from codra_papers.experiments.lab.outcomes import Decision
+from codra_papers.experiments.lab.outcomes import BEFORE_THE_ACTION, Decision
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task
 from codra_papers.experiments.studies.lab_runtime.finding import Finding, percent, rounded
 from codra_papers.experiments.studies.lab_runtime.paper import CONTEXT_CHECK_S
@@ -100,6 +101,15 @@ def reasons(fell_back: Sequence[Decision]) -> Counter[tuple[str, str, str]]:
     )
 
 
+def reason_rows(fell_back: Sequence[Decision]) -> Sequence[Sequence[Cell]]:
+    """Return the rows of a table of reasons: variable, situation, reason in words, and how often."""
+    texts = {BEFORE_THE_ACTION: "it was known only from before the action"}
+    return [
+        (variable, situation, texts.get(reason) or Reason(reason).meaning, count)
+        for (variable, situation, reason), count in sorted(reasons(fell_back).items())
+    ]
+
+
 def saving_as_data(saving_parts: Saving) -> Mapping[str, Any]:
     """Return a saving and its parts as plain data."""
     terms = ("without_s", "spared_s", "other_looks_s", "fewer_s", "saved_s", "share")
@@ -157,7 +167,7 @@ def _reasons_table(fell_back: Sequence[Decision]) -> Table:
             " unknown when the robot began to look."
         ),
         header=("variable", "situation", "reason", "times"),
-        rows=[(*reason, count) for reason, count in sorted(reasons(fell_back).items())],
+        rows=reason_rows(fell_back),
     )
 
 

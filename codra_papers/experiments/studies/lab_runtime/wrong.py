@@ -58,7 +58,10 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
     look_count = sum(decision.has_looked for decision in all_decisions)
     wrong_look_count = sum(mistake.decision.has_looked for mistake in wrong_decisions)
     corrected_count = sum(
-        bool(decision.wrong) and decision.wrong_answer is None for outcome in outcomes for decision in outcome.decisions
+        next(iter(outcome.arms)) in decision.wrong and decision.wrong_answer is None  # the first arm answers
+        for outcome in outcomes
+        if outcome.arms
+        for decision in outcome.decisions
     )
     sentence = (
         f"Of {len(all_decisions)} decisions in all runs, context answered {len(all_decisions) - look_count};"
@@ -88,7 +91,8 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
 
 def _table(wrong_decisions: Sequence[Mistake]) -> Table:
     return Table(
-        caption="Decisions on wrong values.",
+        caption="Decisions on wrong values. Evidence: the algorithm that took it, or the robot's own look; from: the"
+        " instant at which it was taken. Cause: why the value was wrong. Frame: the stored image.",
         header=("run", "given at s", "variable", "skill", "answer", "evidence", "from s", "cause", "frame"),
         rows=[
             (

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from io import StringIO
-from itertools import pairwise
+from itertools import pairwise, product
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -13,11 +15,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.campaign.document import Drawing
 from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.lab.outcomes import Decision, Outcome
 from codra_papers.experiments.lab.pictures import UNKNOWN_COLOUR
 from codra_papers.experiments.lab.scoring import Piece
+from codra_papers.experiments.lab.trials import value_at
 from codra_papers.experiments.studies.robustness.findings import (
     LIDS,
     Comparison,
@@ -28,8 +32,53 @@ from codra_papers.experiments.studies.robustness.findings import (
 )
 
 _WIDTH_IN = 11.0
+_LANE_HEIGHT_IN, _LANE_STEP_IN, _STRIP_GAP_IN, _TOP_IN, _BOTTOM_IN = 0.62, 0.75, 0.3, 0.3, 0.55
+_LEFT_SHARE, _WIDTH_SHARE = 0.12, 0.87
+"""Sizes of timelines. A solver of layouts would place their many axes with rounding errors that differ each time."""
+
 _TRUTH_COLOUR, _HELD_COLOUR, _WRONG_COLOUR = "#444444", "#1f5fa8", "#f59a80"
 _RING_COLOUR, _WRONG_RING_COLOUR = "#1f5fa8", "#d100b8"
+_MARKS: Mapping[str, Mapping[str, Any]] = {
+    "right": {"marker": "o", "markersize": 8, "markeredgewidth": 1.8, "color": _RING_COLOUR, "markerfacecolor": "none"},
+    "unknown": {"marker": "D", "markersize": 6, "color": _RING_COLOUR, "markerfacecolor": "white"},
+    "wrong": {"marker": "X", "markersize": 11, "color": _WRONG_RING_COLOUR, "markeredgecolor": "black"},
+}
+"""The marks of decisions. They differ in shape, and not only in colour."""
+
+_MARKS_NOTE = (
+    "Each decision is marked at the value that the arm held. A ring: the value was right. A cross: it was wrong. A "
+    "diamond half-way between false and true: the arm did not know the value."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """The mark of a decision on a variable: the value that an arm held, and the true value at the same instant."""
+
+    instant_s: float
+    held: Value | None
+    truth: Value | None
+
+    @property
+    def verdict(self) -> str:
+        """Return `right`, `wrong` or `unknown`."""
+        return "unknown" if self.held is None else "right" if self.held == self.truth else "wrong"
+
+
+def rings(outcome: Outcome, variable: str, arm: str) -> Sequence[Ring]:
+    """Return a ring for each decision on a variable.
+
+    The ring is at the request, or at the end of the wait if the main execution waited for observers.
+    """
+    return [_ring(outcome, decision, arm) for decision in outcome.decisions if decision.variable == variable]
+
+
+def _ring(outcome: Outcome, decision: Decision, arm: str) -> Ring:
+    if not decision.waited_s:
+        return Ring(decision.instant_s, decision.held[arm], decision.truth)
+    end_s = decision.answered_s - decision.looked_s
+    held, truth = (value_at(pieces[decision.variable], end_s) for pieces in (outcome.arms[arm].held, outcome.truth))
+    return Ring(end_s, held, truth)
 
 
 def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
@@ -38,30 +87,32 @@ def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
     The background of an arm is red while the value of the arm is wrong.
     """
     with _style():
-        figure, _ = _timelines(outcome, variable)
+        figure, _ = _timelines(outcome, variable, tuple(outcome.arms))
         _legend(figure, [Line2D([], [], color=_HELD_COLOUR, label="held")])
         return Drawing(caption=caption, svg=_svg(figure))
 
 
-def decisions(outcome: Outcome, variable: str, caption: str) -> Drawing:
+def decisions(
+    outcome: Outcome, variable: str, caption: str, arms: Sequence[str] | None = None, strips: int = 1
+) -> Drawing:
     """Draw the timeline of a variable, with rings at the decisions on this variable (Figure 7).
 
-    Each ring is drawn at the value that the arm held, and is a magenta disc if the value was wrong. If the value was
-    unknown, the ring is half-way between false and true.
+    Each ring is drawn at the value that the arm held. If the value was unknown, a diamond is half-way between false and
+    true; if it was wrong, a magenta cross is drawn instead of the ring.
+
+    Args:
+        outcome: the run.
+        variable: the variable.
+        caption: the description of the drawing, without that of the marks.
+        arms: the arms to draw; None for all.
+        strips: the number of parts, one below the other, into which the time of the run is divided.
     """
     with _style():
-        figure, rows = _timelines(outcome, variable)
-        variable_decisions = [decision for decision in outcome.decisions if decision.variable == variable]
+        figure, rows = _timelines(outcome, variable, tuple(arms or outcome.arms), strips)
         for arm, axes in rows:
-            _rings(axes, arm, variable_decisions)
-        _legend(
-            figure,
-            [
-                _ring("decision: value right or unknown", _RING_COLOUR, "none"),
-                _ring("decision: value wrong", _WRONG_RING_COLOUR, _WRONG_RING_COLOUR),
-            ],
-        )
-        return Drawing(caption=caption, svg=_svg(figure))
+            _draw_rings(axes, rings(outcome, variable, arm))
+        _legend(figure, [_mark(verdict) for verdict in _MARKS])
+        return Drawing(caption=f"{caption} {_MARKS_NOTE}", svg=_svg(figure))
 
 
 def _style() -> AbstractContextManager[None]:
@@ -71,21 +122,29 @@ def _style() -> AbstractContextManager[None]:
     )
 
 
-def _timelines(outcome: Outcome, variable: str) -> tuple[Figure, Sequence[tuple[str, Axes]]]:
-    """Draw one row for the truth and one for each arm; return the rows of the arms."""
-    figure = Figure(figsize=(_WIDTH_IN, 1.1 + 0.75 * (1 + len(outcome.arms))), layout="constrained")
-    truth_axes, *arm_axes = figure.subplots(1 + len(outcome.arms), sharex=True, sharey=True)
-    truth = outcome.truth[variable]
-    _row(truth_axes, "truth", truth, _TRUTH_COLOUR)
-    for (name, arm), axes in zip(outcome.arms.items(), arm_axes, strict=True):
-        for span in arm.wrong[variable]:
-            axes.axvspan(span.start_s, span.end_s, color=_WRONG_COLOUR, linewidth=0)
-        _row(axes, name, arm.held[variable], _HELD_COLOUR)
-    truth_axes.set_xlim(0.0, truth[-1].end_s)
-    truth_axes.set_ylim(-0.35, 1.35)
-    arm_axes[-1].set_xlabel(f"time in s, seed {outcome.seed}")
-    truth_axes.set_title(label(variable), loc="left", fontsize=10.5)
-    return figure, list(zip(outcome.arms, arm_axes, strict=True))
+def _timelines(
+    outcome: Outcome, variable: str, arms: Sequence[str], strips: int = 1
+) -> tuple[Figure, Sequence[tuple[str, Axes]]]:
+    """Draw, in each strip, one lane for the truth and one for each arm; return the lanes of the arms."""
+    lanes = [("truth", outcome.truth[variable]), *((name, outcome.arms[name].held[variable]) for name in arms)]
+    strip_in, strip_s = len(lanes) * _LANE_STEP_IN + _STRIP_GAP_IN, outcome.duration_s / strips
+    height_in = _TOP_IN + strips * strip_in + _BOTTOM_IN
+    figure = Figure(figsize=(_WIDTH_IN, height_in))
+    arm_lanes: list[tuple[str, Axes]] = []
+    for strip, (lane, (name, held)) in product(range(strips), enumerate(lanes)):
+        bottom_in = height_in - _TOP_IN - strip * strip_in - (lane + 1) * _LANE_STEP_IN
+        axes = figure.add_axes((_LEFT_SHARE, bottom_in / height_in, _WIDTH_SHARE, _LANE_HEIGHT_IN / height_in))
+        if lane:
+            arm_lanes.append((name, axes))
+            for span in outcome.arms[name].wrong[variable]:
+                axes.axvspan(span.start_s, span.end_s, color=_WRONG_COLOUR, linewidth=0)
+        _row(axes, name, held, _HELD_COLOUR if lane else _TRUTH_COLOUR)
+        axes.set_xlim(strip * strip_s, (strip + 1) * strip_s)
+        axes.set_ylim(-0.35, 1.35)
+        axes.tick_params(labelbottom=lane == len(lanes) - 1)
+    figure.axes[0].set_title(label(variable), loc="left", fontsize=10.5)
+    figure.axes[-1].set_xlabel(f"time in s, seed {outcome.seed}")
+    return figure, arm_lanes
 
 
 def _row(axes: Axes, name: str, held: Sequence[Piece], colour: str) -> None:
@@ -103,32 +162,26 @@ def _row(axes: Axes, name: str, held: Sequence[Piece], colour: str) -> None:
     axes.yaxis.set_label_coords(-0.055, 0.5)
 
 
-def _rings(axes: Axes, arm: str, variable_decisions: Sequence[Decision]) -> None:
-    for decision in variable_decisions:
-        held = decision.held[arm]
-        is_wrong = held is not None and held != decision.truth
-        axes.plot(
-            [decision.instant_s],
-            [0.5 if held is None else float(bool(held))],
-            marker="o",
-            markersize=8,
-            markerfacecolor=_WRONG_RING_COLOUR if is_wrong else "none",  # filled: not only the colour differs
-            markeredgewidth=1.8,
-            markeredgecolor=_WRONG_RING_COLOUR if is_wrong else _RING_COLOUR,
-            clip_on=False,
-            zorder=5,
-        )
+def _draw_rings(axes: Axes, rings: Sequence[Ring]) -> None:
+    start_s, end_s = axes.get_xlim()
+    for ring in rings:
+        if start_s <= ring.instant_s < end_s:
+            level = 0.5 if ring.held is None else float(bool(ring.held))
+            order = 6 if ring.verdict == "wrong" else 5
+            axes.plot([ring.instant_s], [level], clip_on=False, zorder=order, **_MARKS[ring.verdict])
 
 
-def _ring(name: str, colour: str, fill: str) -> Line2D:
-    return Line2D(
-        [], [], linestyle="none", marker="o", markersize=8, markerfacecolor=fill, markeredgecolor=colour, label=name
-    )
+def _mark(verdict: str) -> Line2D:
+    return Line2D([], [], linestyle="none", label=f"decision: {verdict}", **_MARKS[verdict])
 
 
 def _legend(figure: Figure, first_handles: Sequence[Line2D]) -> None:
-    handles = [*first_handles, Patch(color=_WRONG_COLOUR, label="wrong"), Patch(color=UNKNOWN_COLOUR, label="unknown")]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    handles = [
+        *first_handles,
+        Patch(color=_WRONG_COLOUR, label="value wrong"),
+        Patch(color=UNKNOWN_COLOUR, label="value unknown"),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=len(handles), frameon=False)
 
 
 def forest(comparisons: Sequence[Comparison], caption: str) -> Drawing:

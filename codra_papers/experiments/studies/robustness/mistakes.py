@@ -55,7 +55,9 @@ def mistakes_table(wrong_values: Sequence[Mistake]) -> Table:
     header = ("seed", "at s", "variable", "for", "skill", "arm", "held", "true", "cause", "fresh", "algorithm")
     caption = (
         "Every decision at which an arm held a value that was not true, with the evidence for the value, and the frame "
-        "of this evidence in the folder of this report. Fresh: the evidence was taken after the monitored action."
+        "of this evidence in the folder of this report. For: whether the decision is a preview, before an action, or "
+        "monitors an action. Algorithm, measured: the algorithm and what it returned. Fresh: the evidence was taken "
+        "after the monitored action."
     )
     return plain_table(
         caption, (*header, "evidence at s", "measured", "frame"), [tuple(_cells(mistake)) for mistake in wrong_values]

@@ -32,7 +32,12 @@ _MARKED_NOTE = f"Ratios below {paper.LOW_RATIO} are marked."
 def arms_table(arms: Sequence[Arm]) -> Table:
     """Return a table that describes the arms."""
     rows = ((arm.name, arm.need.value, ", ".join(map(str, arm.edits)) or "unchanged") for arm in arms)
-    return plain_table("The arms. Each arm has a vision slot of its own.", ("arm", "observes", "the spec"), rows)
+    return plain_table(
+        "The arms. Observes: the variables whose observers run. The spec: the changes to the spec under test. Each arm "
+        "has a vision slot of its own.",
+        ("arm", "observes", "the spec"),
+        rows,
+    )
 
 
 def runs_table(runs: Runs) -> Table:
@@ -52,7 +57,8 @@ def runs_table(runs: Runs) -> Table:
     counts = (sum(outcome.frames for outcome in outcomes), sum(outcome.perceived for outcome in outcomes))
     rows.append(("all", round(runs.duration_s, 1), sum(outcome.loops for outcome in outcomes), "", *counts))
     return plain_table(
-        "The runs. Each run ends with the loop, or with an unrecoverable error of the main execution.",
+        "The runs. Each run ends with the loop, or with an unrecoverable error of the main execution. The robot and "
+        "all arms look at the frames that were rendered.",
         ("seed", "lasted s", "loops", "error", "frames rendered", "frames perceived"),
         rows,
     )
@@ -314,7 +320,9 @@ def reduction_table(runs: Runs, further_runs: Runs, naive_arms: Sequence[str], s
     )
     header = ("triggers of", "arm", "against", "arm's", "the other's", "fewer by %", "fewer by %, further runs")
     return plain_table(
-        "How many triggers an arm saves, with 95 % intervals over runs.",
+        "How many triggers an arm saves. Arm's, the other's: how many triggers the arm and the arm that it is compared "
+        "with (against) made in the runs of the tables. Fewer: the share of the other's triggers that the arm saves, "
+        "with its 95 % interval over runs.",
         header,
         [("the PCR-cycler's perception in P1", *row), *rows],
     )

@@ -50,6 +50,7 @@ def outcome_of(truth: Samples, held_samples_by_arm: dict[str, Samples], first_s:
             triggers={},
             observable_triggers={},
             slot_s=0.0,
+            sources={},
         )
         for name, samples in held_samples_by_arm.items()
     }

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.runtime import EventLog
 from codra_dsl.runtime.journal import Event, Kind
-from codra_papers.experiments.lab.scoring import Piece, held_pieces, overlaps, pieces, score
+from codra_papers.experiments.lab.scoring import Piece, held_pieces, overlaps, pieces, score, source_pieces
 
 
 def variable_event(instant_s: float, value: bool | None, source: str = "look", is_present: bool = True) -> Event:
@@ -53,6 +53,23 @@ def test_an_event_after_the_end_of_a_run_is_ignored() -> None:
     record = record_of(variable_event(1.0, True), variable_event(3.5, None))
 
     assert held_pieces(record, ["open"], 3.0)["open"] == (Piece(0.0, 1.0, None), Piece(1.0, 3.0, True))
+
+
+def test_the_source_of_a_held_value_is_the_writer_of_its_latest_evidence() -> None:
+    record = record_of(
+        variable_event(1.0, True, source="angle"),
+        variable_event(2.0, False, source="angle"),
+        variable_event(3.0, False, source="rotor"),
+        variable_event(4.0, None, source="rotor"),
+        variable_event(5.0, True, source="rotor", is_present=False),
+    )
+
+    assert source_pieces(record, "open", 6.0) == (
+        Piece(0.0, 1.0, None),
+        Piece(1.0, 3.0, "angle"),
+        Piece(3.0, 4.0, "rotor"),
+        Piece(4.0, 6.0, None),
+    )
 
 
 def test_a_variable_that_was_never_held_has_no_ratio() -> None:

@@ -132,6 +132,7 @@ def outcome_with_ratios(name: str, seed: int, ratios: Mapping[str, float]) -> Ou
             triggers={},
             observable_triggers={},
             slot_s=0.0,
+            sources={},
         )
         for arm, ratio in ratios.items()
     }

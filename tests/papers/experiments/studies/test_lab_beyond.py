@@ -28,12 +28,19 @@ from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHIN
 from codra_papers.experiments.studies.beyond.parameters import ScaledNumber
 from codra_papers.experiments.studies.beyond.workloads import Tending, Waiting
 from codra_papers.experiments.studies.factors.design import is_factorial
-from codra_papers.experiments.studies.lab_disturbances import EPISODES, LID, Belief, Episode, belief_in, right_again_s
 from codra_papers.experiments.studies.lab_disturbances import EXPERIMENT as DISTURBANCES
+from codra_papers.experiments.studies.lab_disturbances import (
+    Belief,
+    Episode,
+    belief_in,
+    episodes,
+    right_again_s,
+)
 from codra_papers.experiments.studies.robustness.findings import Runs
 from codra_papers.lab.simulator.laboratory import LABORATORY, LidMoved, PersonBefore
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
+LID = "pcr_cycler_open"
 DURATION_S = 40.0
 EXPERIMENTS = [
     DISTURBANCES,
@@ -197,9 +204,9 @@ def test_right_again_is_when_it_stays_right_to_the_end(held_pieces: tuple[Piece,
 
 
 def test_episodes_follow_one_another_and_hold_their_disturbances() -> None:
-    for before, after in pairwise(EPISODES):
+    for before, after in pairwise(episodes("centrifuge")):
         assert before.start_s < before.disturbance_end_s < before.until_s == after.start_s
-    for episode in EPISODES:
+    for episode in episodes("centrifuge"):
         assert all(
             episode.start_s <= disturbance.at_s < episode.disturbance_end_s for disturbance in episode.disturbances
         )

@@ -21,6 +21,7 @@ from codra_papers.experiments.studies.lab_robustness import ARMS, EXPERIMENT, FU
 from codra_papers.experiments.studies.robustness.findings import VARIABLES, Runs
 from codra_papers.experiments.studies.robustness.frames import detect_again
 from codra_papers.experiments.studies.robustness.mistakes import mistakes, mistakes_table, photographs
+from tests.papers.experiments.heads import unexplained_heads
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
 DURATION_S, DURATION_OF_FURTHER_RUNS_S = 60.0, 10.0
@@ -78,6 +79,11 @@ def test_every_row_of_every_table_has_a_cell_for_every_column_and_marks_lie_in_i
     for table in all_tables:
         assert {len(row) for row in table.rows} <= {len(table.header)}
         assert all(row < len(table.rows) and column < len(table.header) for row, column in table.marked)
+
+
+def test_words_in_heads_that_need_an_explanation_have_one(judged_runs: Judged) -> None:
+    assert list(unexplained_heads(judged_runs.document)) == []
+    assert {"late", "lag", "p90", "slot"} < {row[0] for row in tables(judged_runs.document)[0].rows}
 
 
 def test_the_same_outcomes_give_the_same_report(judged_runs: Judged) -> None:

@@ -16,10 +16,12 @@ from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Table
 from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
 from codra_papers.experiments.campaign.trial_records import TrialRecord
+from codra_papers.experiments.lab.algorithms import alternatives
+from codra_papers.experiments.lab.arms import ALTERNATIVES
 from codra_papers.experiments.lab.outcomes import OWN_LOOK, Outcome
 from codra_papers.experiments.lab.trials import run_trial
 from codra_papers.experiments.studies.lab_runtime import EXPERIMENT
-from codra_papers.experiments.studies.lab_runtime.alternatives import alternatives, answers
+from codra_papers.experiments.studies.lab_runtime.alternatives import answers
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions, spent_s
 from codra_papers.experiments.studies.lab_runtime.judgement import judge
 from codra_papers.experiments.studies.lab_runtime.paper import PAPER
@@ -31,7 +33,9 @@ from codra_papers.experiments.studies.lab_runtime.runs import (
     tending_trials,
 )
 from codra_papers.experiments.studies.lab_runtime.wrong import mistakes
+from codra_papers.experiments.studies.robustness.drawings import rings
 from codra_papers.lab.mission import PCR_CYCLER, Mission, MissionError
+from tests.papers.experiments.heads import unexplained_heads
 
 SPECS = Path(__file__).parents[4] / "specs"
 DAY_S = 300.0
@@ -130,6 +134,11 @@ def test_every_row_of_the_report_has_a_cell_for_every_column(document: Document)
         assert {len(row) for row in table.rows} <= {len(table.header)}
 
 
+def test_words_in_heads_that_need_an_explanation_have_one(document: Document) -> None:
+    assert list(unexplained_heads(document)) == []
+    assert {"preview", "reason"} < {row[0] for row in tables(document)[0].rows}
+
+
 def test_the_report_shows_table_3_of_the_paper_beside_its_own(document: Document, pair: Pair) -> None:
     (table,) = (table for table in tables(document) if table.caption.startswith("Table 3"))
     (opening,), _ = pair.executions_of(Task.OPENING)
@@ -148,7 +157,7 @@ def test_the_drawing_is_svg_and_always_the_same(
     )
 
     assert drawings == repeated_drawings
-    assert [ElementTree.fromstring(svg).tag for svg in drawings] == ["{http://www.w3.org/2000/svg}svg"]
+    assert [ElementTree.fromstring(svg).tag for svg in drawings] == 3 * ["{http://www.w3.org/2000/svg}svg"]
 
 
 def test_results_are_data_and_their_savings_add_up(document: Document) -> None:
@@ -174,7 +183,9 @@ WORDS = (
     "Closing the",
     "perception time is saved",
     "loops were completed",
+    "Decisions of the day",
     "with alternatives;",
+    "Lid out of view",
     "were not true",
 )
 
@@ -192,6 +203,34 @@ def test_an_answer_from_the_evidence_of_an_alternative_is_counted(
     assert counts.by_alternatives == len(seen_by_rotor) >= 1
     assert counts.by_alternatives < counts.answered <= counts.decisions
     assert counts.untrue == 0
+
+
+def test_a_ring_of_the_arm_that_answers_is_known_if_and_only_if_the_robot_did_not_look(
+    outcomes: Mapping[str, Outcome],
+) -> None:
+    outcome = outcomes["day-with-alternatives"]
+    decisions = [decision for decision in outcome.decisions if decision.variable == "centrifuge_open"]
+    arm_rings = rings(outcome, "centrifuge_open", ALTERNATIVES.name)
+
+    assert any(decision.waited_s for decision in decisions)
+    for decision, ring in zip(decisions, arm_rings, strict=True):
+        assert (ring.verdict == "unknown") == decision.has_looked
+        assert decision.instant_s <= ring.instant_s <= decision.answered_s
+        if not decision.has_looked:
+            assert ring.held == decision.answer
+
+
+def test_every_decision_of_the_day_on_a_lid_is_counted_for_each_arm_that_watched(
+    document: Document, outcomes: Mapping[str, Outcome]
+) -> None:
+    outcome = outcomes["day-with-observers"]
+    decisions = [decision for decision in outcome.decisions if decision.variable == "centrifuge_open"]
+    counts_by_arm = document.results["day_decisions"]["centrifuge_open"]
+
+    assert list(counts_by_arm) == ["need, on event", "naive, lids", "need, on event, alternatives"]
+    for counts in counts_by_arm.values():
+        late_count = sum(count for column, count in counts.items() if column.endswith("late"))
+        assert sum(counts.values()) - late_count == len(decisions) > 0
 
 
 def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
