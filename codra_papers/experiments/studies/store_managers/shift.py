@@ -13,6 +13,9 @@ from codra_papers.store.simulator.situations import OrderKind, Situation, StoreS
 from codra_papers.store.simulator.state import Load, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 
+MIN_DURATION_S, MAX_DURATION_S = 1800.0, 3600.0
+"""The limits of the duration of a shift: P2 states no duration."""
+
 DRAIN_FACTOR = 4.0
 """The factor by which the battery is drained faster than usual."""
 
@@ -41,6 +44,7 @@ class Shift:
     """The planned events of a run.
 
     Attributes:
+        duration_s: the duration of the run.
         areas: one container is moved from the first area to the second, one is collected from the third, and one is
             provided to the fourth.
         move_s: when the order to move a container is given.
@@ -49,6 +53,7 @@ class Shift:
     """
 
     seed: int
+    duration_s: float
     areas: tuple[str, ...]
     move_s: float
     full_s: float
@@ -76,6 +81,7 @@ def shift_of(seed: int) -> Shift:
     move_s, collect_s = random.uniform(2.0, 6.0), random.uniform(80.0, 100.0)
     return Shift(
         seed=seed,
+        duration_s=Random(f"{seed} shift duration").uniform(MIN_DURATION_S, MAX_DURATION_S),
         areas=areas,
         move_s=move_s,
         full_s=move_s + random.uniform(35.0, 70.0),

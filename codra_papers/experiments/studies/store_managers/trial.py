@@ -102,14 +102,14 @@ class StoreTrial:
 
     Attributes:
         manager: the manager that decides on the course and the speed.
-        duration_s: the duration of the run.
+        duration_s: the duration of the run; None for the duration of the seed's shift.
     """
 
     name: str
     spec: Path
     seed: int
     manager: Manager
-    duration_s: float = RUN_DURATION_S
+    duration_s: float | None = None
 
     @property
     def draws_frames(self) -> bool:
@@ -124,18 +124,18 @@ class StoreTrial:
         """
         del folder
         watches: list[Watch] = []
+        shift = shift_of(self.seed)
+        duration_s = shift.duration_s if self.duration_s is None else self.duration_s
 
         def on_opened(store: Store) -> None:
             knowledge = store.knowledge
-            Staging(shift_of(self.seed), store)
+            Staging(shift, store)
             watches.append(Watch(lambda: knowledge.snapshot().handover(FETCHING).is_open))
             store.world.watch(watches[0].see)
 
         with tempfile.TemporaryDirectory(prefix="codra-") as build_folder:
             compiled = managed_spec(compile_and_load(self.spec, Path(build_folder)).package, self.manager, self.seed)
-            settings = StoreRunSettings(
-                shop=shift_of(self.seed).settings(), duration_s=self.duration_s, on_opened=on_opened
-            )
+            settings = StoreRunSettings(shop=shift.settings(), duration_s=duration_s, on_opened=on_opened)
             run = run_store(compiled, settings)
         return self._outcome(run, watches[0])
 
