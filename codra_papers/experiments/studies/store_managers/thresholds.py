@@ -17,7 +17,7 @@ _FULL_SAFETY, _HALF_SAFETY, _NO_SAFETY = 1.0, 0.5, 0.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thresholds:
-    """The thresholds of the comparisons.
+    """The thresholds of the comparisons. As an edit of the loops, they replace both fuzzy stages.
 
     Attributes:
         distance_m: a person nearer than this is close.
@@ -28,6 +28,26 @@ class Thresholds:
     distance_m: float
     battery_percent: float
     load: str
+
+    def __str__(self) -> str:
+        """Return the thresholds for tables."""
+        return f"person {self.distance_m:g} m, battery {self.battery_percent:g} percent, load {self.load}"
+
+    def __call__(self, model: MapeModel) -> MapeModel:
+        """Return the loops of the store with comparisons in place of the fuzzy stages."""
+        assert model.metrics is not None
+        assert model.actions is not None
+        inputs = {
+            model_input.variable: model_input
+            for stage in (model.metrics, model.actions)
+            for model_input in stage.inputs
+        }
+        load = inputs["container_load"].members.index(self.load)
+        return replace(
+            model,
+            metrics=_stage(inputs, model.metrics.outputs, _metric_lists(self)),
+            actions=_stage(inputs, model.actions.outputs, (_action_lines(load),)),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,26 +64,6 @@ class Line:
     reads: tuple[str, ...]
     output_values: Mapping[str, float]
     holds: Callable[[VariableValues], bool]
-
-
-def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
-    """Return the loops of the store with comparisons in place of the fuzzy stages; everything else is unchanged.
-
-    Args:
-        model: the loops of `specs/store.yaml`.
-        thresholds: the thresholds of the comparisons.
-    """
-    assert model.metrics is not None
-    assert model.actions is not None
-    inputs = {
-        model_input.variable: model_input for stage in (model.metrics, model.actions) for model_input in stage.inputs
-    }
-    load = inputs["container_load"].members.index(thresholds.load)
-    return replace(
-        model,
-        metrics=_stage(inputs, model.metrics.outputs, _metric_lists(thresholds)),
-        actions=_stage(inputs, model.actions.outputs, (_action_lines(load),)),
-    )
 
 
 def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
