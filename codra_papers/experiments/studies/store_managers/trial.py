@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -12,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from codra_dsl.integrations.inspection import SpecError, compile_and_load
-from codra_dsl.runtime.journal import EventLog, Kind
+from codra_dsl.runtime.journal import Event, EventLog, Kind
 from codra_dsl.runtime.loops import Mape
 from codra_papers.experiments.store.curves import curves
 from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings, run_store
@@ -25,6 +26,7 @@ RUN_DURATION_S = 300.0
 
 COURSE = "course"
 FETCHING = "fetching"
+DRAIN = "battery_drain"
 SHOWN_VARIABLES = ("safety", "weight_of_pick", "weight_of_deliver", "weight_of_start", "weight_of_dock")
 """The variables that are stored to be drawn."""
 
@@ -47,6 +49,8 @@ class StoreOutcome:
         gaps_m: the distance to the nearest person, second by second.
         curves: the metrics and weights for pictures, as pairs of an instant and the value from this instant on; None
             for an unknown value.
+        battery_empty_s: when the battery became empty, which ended the work; None if it did not.
+        drain_known_s: the first instant at which `battery_drain` was known; None if it never was.
     """
 
     name: str
@@ -64,6 +68,8 @@ class StoreOutcome:
     unsafe: Sequence[Span]
     gaps_m: Curve
     curves: Mapping[str, Curve]
+    battery_empty_s: float | None = None
+    drain_known_s: float | None = None
     error: str | None = None
     frames: int = 0
 
@@ -96,6 +102,19 @@ def _pairs(points: Sequence[Sequence[Any]]) -> Curve:
     return [(at_s, value) for at_s, value in points]
 
 
+class _CountedEvents(EventLog):
+    """All events of the names that outcomes are computed from, however long the run."""
+
+    names = frozenset({COURSE, FETCHING, DRAIN, *SHOWN_VARIABLES})
+
+    def __init__(self) -> None:
+        super().__init__(limit=math.inf)
+
+    def add(self, event: Event) -> None:
+        if event.name in self.names:
+            super().add(event)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreTrial:
     """One run.
@@ -117,7 +136,7 @@ class StoreTrial:
         return False
 
     def run(self, folder: Path) -> StoreOutcome:
-        """Run the shop, and return the outcome. Nothing else is stored.
+        """Run the shop until the shift is over or the battery is empty, and return the outcome. Nothing else is stored.
 
         Raises:
             SpecError: if the spec has errors, or has no loops.
@@ -135,21 +154,27 @@ class StoreTrial:
 
         with tempfile.TemporaryDirectory(prefix="codra-") as build_folder:
             compiled = managed_spec(compile_and_load(self.spec, Path(build_folder)).package, self.manager, self.seed)
-            settings = StoreRunSettings(shop=shift.settings(), duration_s=duration_s, on_opened=on_opened)
+            settings = StoreRunSettings(
+                shop=shift.settings(),
+                duration_s=duration_s,
+                record=_CountedEvents(),
+                on_opened=on_opened,
+                is_over=lambda: watches[0].battery_empty_s is not None,
+            )
             run = run_store(compiled, settings)
-        return self._outcome(run, watches[0])
+        return self._outcome(run, watches[0], duration_s)
 
     def outcome(self, text: str) -> StoreOutcome:
         """Return the outcome from the JSON text that its `to_json` returned."""
         return StoreOutcome.from_json(text)
 
-    def _outcome(self, run: StoreRun, watch: Watch) -> StoreOutcome:
+    def _outcome(self, run: StoreRun, watch: Watch, duration_s: float) -> StoreOutcome:
         courses = courses_of(run.record)
         return StoreOutcome(
             name=self.name,
             seed=self.seed,
             manager=self.manager.name,
-            duration_s=run.duration_s,
+            duration_s=duration_s,
             loops=run.score.missions,
             orders=run.orders,
             aborts=sum(event.what == "aborted" for event in run.record.of(Kind.KNOWLEDGE, FETCHING)),
@@ -157,10 +182,12 @@ class StoreTrial:
             driven_m=round(run.score.driven_m, 3),
             unsafe_s=run.score.unsafe_s,
             courses=courses,
-            called=calls(watch.causes, courses, run.duration_s),
+            called=calls(watch.causes, courses, duration_s),
             unsafe=watch.unsafe,
             gaps_m=watch.gaps_m,
             curves={name: _thin_curve(curve) for name, curve in curves(run.record, SHOWN_VARIABLES).items()},
+            battery_empty_s=watch.battery_empty_s,
+            drain_known_s=_first_known_s(curves(run.record, [DRAIN])[DRAIN]),
         )
 
 
@@ -183,6 +210,10 @@ def courses_of(record: EventLog) -> Sequence[tuple[float, str]]:
     """Return the chosen courses, and when they were chosen."""
     chosen_events = [event for event in record.of(Kind.ADAPTATION, COURSE) if event.what == "chosen"]
     return [(event.instant_s, str(event.details["action"])) for event in chosen_events]
+
+
+def _first_known_s(curve: Sequence[tuple[float, float]]) -> float | None:
+    return next((at_s for at_s, value in curve if value == value), None)
 
 
 def _thin_curve(curve: Sequence[tuple[float, float]]) -> Curve:

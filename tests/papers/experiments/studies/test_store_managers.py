@@ -14,12 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.integrations.inspection import SpecError
-from codra_dsl.runtime import Reading, Reason
+from codra_dsl.runtime import Reading, Reason, SimClock
 from codra_dsl.runtime.loops import Plan, Planner, SwitchReason, assess
 from codra_dsl.runtime.loops.observations import Observation
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.campaign.statistics import quantile_interval
 from codra_papers.experiments.store.run import StoreRunSettings, run_store
+from codra_papers.experiments.studies.store_managers import trial
 from codra_papers.experiments.studies.store_managers.comparing import compare_managers, reactions
 from codra_papers.experiments.studies.store_managers.managers import (
     NORMAL_M_S,
@@ -31,15 +32,26 @@ from codra_papers.experiments.studies.store_managers.managers import (
     ThresholdManager,
 )
 from codra_papers.experiments.studies.store_managers.search import Design, best_cell, cells
-from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
+from codra_papers.experiments.studies.store_managers.shift import (
+    MAX_DURATION_S,
+    MIN_DURATION_S,
+    PlannedOrder,
+    Shift,
+    Staging,
+    Visit,
+    shift_of,
+)
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
-from codra_papers.experiments.studies.store_managers.trial import RUN_DURATION_S, StoreOutcome, courses_of, managed_spec
+from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, courses_of, managed_spec
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.geometry import Point, Pose2D
+from codra_papers.store.layout import AREAS
+from codra_papers.store.simulator.situations import OrderKind
 from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 from generated import lab, store
 
+SPEC = Path(__file__).parents[4] / "specs/store.yaml"
 THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
 TUNED_MAPE = with_thresholds(store.MAPE, THRESHOLDS)
 MANAGERS: tuple[Manager, ...] = (NominalManager(), RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager())
@@ -56,6 +68,9 @@ CALM_VALUES: Mapping[str, Value | None] = {
     "full_on_fork": False,
     "battery_level": 80.0,
     "battery_drain": 0.5,
+    "charging": False,
+    "crowded": False,
+    "crowding": 0.0,
 }
 
 
@@ -94,7 +109,8 @@ def plans(manager: Manager, seed: int = 1, cycles: int = 6) -> list[tuple[float,
     context, manager_planner = WrittenContext({**CALM_VALUES, "picking_up": True}), planner(manager, seed)
     timed_plans = []
     for step in range(cycles * 200):
-        context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
+        is_close = bool(step // 100 % 2)
+        context.values |= {"person_distance": 1.0 if is_close else 10.0, "crowded": is_close}
         timed_plans.append((step * 0.1, manager_planner.plan(context, step * 0.1)))
     return timed_plans
 
@@ -289,23 +305,141 @@ def test_a_run_is_reproducible() -> None:
 
 
 def test_a_shift_depends_on_the_seed_only() -> None:
-    for seed in range(1, 40):
-        shift = shift_of(seed)
-        assert shift == shift_of(seed)
-        assert sorted(shift.areas) == ["area_1", "area_2", "area_3", "area_4"]
-        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < RUN_DURATION_S
-        assert all(visit.at_s < RUN_DURATION_S for visit in shift.visits)
-    assert len({shift_of(seed).areas for seed in range(1, 40)}) > 10
-    assert {shift_of(seed).is_hidden for seed in range(1, 40)} == {True, False}
-    assert {len(shift_of(seed).visits) for seed in range(1, 40)} == {0, 1, 2}
+    shifts = [shift_of(seed) for seed in range(1, 40)]
+
+    assert shifts == [shift_of(seed) for seed in range(1, 40)]
+    for shift in shifts:
+        assert MIN_DURATION_S <= shift.duration_s <= MAX_DURATION_S
+        ordered_s = [order.at_s for order in shift.orders]
+        assert ordered_s == sorted(ordered_s)
+        assert 0.0 < ordered_s[0] < shift.duration_s - 300.0 < ordered_s[-1] < shift.duration_s
+        assert {order.area for order in shift.orders} <= {*shift.sources, "supply"}
+        assert not {order.target for order in shift.orders} & {*shift.sources, "supply"}
+    orders = [order for shift in shifts for order in shift.orders]
+    assert {order.kind for order in orders} == set(OrderKind)
+    assert {order.load for order in orders} == set(Load)
+    assert {order.is_hidden for order in orders} == {True, False} == {order.cancelled_s is None for order in orders}
+    assert {visit.people for shift in shifts for visit in shift.visits} == {1, 2, 3}
+    assert len({shift.drain for shift in shifts}) == 2
 
 
-def test_a_shift_begins_with_its_containers_in_their_places() -> None:
-    assert [what for at_s, what in observe_run(NominalManager(), 1, 30.0).events if at_s == 0.0] == [
-        "container_3 was moved: floor",
-        "container_3 is full",
-        "container_1 is loading",
-    ]
+@dataclass
+class ShopOfShift:
+    """A shop in which the events of a shift happen, and whose robot gets no commands."""
+
+    shift: Shift
+    clock: SimClock = field(default_factory=SimClock)
+
+    def __post_init__(self) -> None:
+        self.shop = Store(self.clock, self.shift.settings())
+        Staging(self.shift, self.shop)
+
+    def containers(self, where: Whereabouts) -> dict[Pose2D, Load]:
+        containers = self.shop.world.state().containers
+        return {container.at: container.load for container in containers if container.where is where}
+
+    def attribute(self, node: str, name: str) -> object:
+        return self.shop.knowledge.get(node, name).value
+
+
+def planned_order(at_s: float, kind: OrderKind, **changes: object) -> PlannedOrder:
+    order = PlannedOrder(
+        at_s=at_s,
+        kind=kind,
+        area="area_4",
+        target="area_1",
+        load=Load.LOADING,
+        full_s=at_s + 3.0,
+        is_hidden=False,
+        cancelled_s=None,
+    )
+    return replace(order, **changes)  # type: ignore[arg-type]
+
+
+def shop_of_orders(*orders: PlannedOrder, visits: tuple[Visit, ...] = ()) -> ShopOfShift:
+    return ShopOfShift(replace(shift_of(1), sources=("area_4", "area_3"), orders=orders, visits=visits))
+
+
+def test_pickers_put_the_container_of_an_order_at_its_place_and_fill_it() -> None:
+    shop = shop_of_orders(planned_order(2.0, OrderKind.MOVE, is_hidden=True))
+    place = AREAS["area_4"].places[1]
+
+    shop.clock.sleep(1.0)
+    assert place not in shop.containers(Whereabouts.FLOOR)
+    shop.clock.sleep(2.0)
+    assert shop.containers(Whereabouts.FLOOR)[place] is Load.LOADING
+    shop.clock.sleep(3.0)
+    assert shop.containers(Whereabouts.FLOOR)[place] is Load.FULL
+
+
+def test_a_second_container_waits_until_the_first_has_left_the_area() -> None:
+    collect = OrderKind.COLLECT
+    shop = shop_of_orders(planned_order(1.0, collect), planned_order(2.0, collect, load=Load.EMPTY, is_hidden=True))
+    first, second = AREAS["area_4"].places
+
+    shop.clock.sleep(3.0)
+    assert second not in shop.containers(Whereabouts.FLOOR)
+    (name,) = (item.name for item in shop.shop.world.state().containers_on_floor() if item.at == first)
+    shop.shop.world.move_container(name, first, Whereabouts.BACK_ROOM)
+    shop.clock.sleep(1.0)
+    assert shop.containers(Whereabouts.FLOOR)[second] is Load.EMPTY
+
+
+def test_pickers_put_no_container_beside_the_robot() -> None:
+    shop = shop_of_orders(planned_order(1.0, OrderKind.COLLECT))
+    place = AREAS["area_4"].places[0]
+    ahead = place.pose_ahead(2.0)
+    shop.shop.world._state = replace(shop.shop.world.state(), robot=RobotState(at=ahead))
+
+    shop.clock.sleep(2.0)
+    assert place not in shop.containers(Whereabouts.FLOOR)
+    shop.shop.world._state = replace(shop.shop.world.state(), robot=RobotState(at=place.pose_ahead(6.0)))
+    shop.clock.sleep(1.0)
+    assert place in shop.containers(Whereabouts.FLOOR)
+
+
+def test_an_order_of_a_shift_can_be_taken_back() -> None:
+    shop = shop_of_orders(planned_order(1.0, OrderKind.MOVE), planned_order(2.0, OrderKind.COLLECT, cancelled_s=4.0))
+
+    shop.clock.sleep(5.0)
+    assert not shop.shop.knowledge.get("order_1", "cancelled").known
+    assert shop.attribute("order_2", "cancelled") is True
+
+
+def test_the_page_has_the_load_of_the_container_in_the_area_nearest_to_the_robot() -> None:
+    """The robot waits at the start, which is nearest to the second picking area."""
+    orders = (planned_order(1.0, OrderKind.COLLECT, area=area, load=load) for area, load in LOADS_OF_AREAS.items())
+    shop = ShopOfShift(replace(shift_of(1), sources=tuple(LOADS_OF_AREAS), orders=tuple(orders), visits=()))
+
+    shop.clock.sleep(2.0)
+    assert shop.attribute("robot", "container_load") == "full"
+
+
+LOADS_OF_AREAS = {"area_2": Load.FULL, "area_4": Load.EMPTY}
+
+
+def test_a_crowd_comes_and_leaves_the_shop() -> None:
+    shop = shop_of_orders(visits=(Visit(at_s=1.0, area="area_4", people=2, times=1),))
+
+    def people() -> set[str]:
+        return {name for name, _ in shop.shop.world.state().people_m if name.startswith("visitor")}
+
+    shop.clock.sleep(2.0)
+    assert people() == {"visitor 1.1", "visitor 1.2"}
+    shop.clock.sleep(28.0)
+    assert people() == set()
+
+
+def test_a_run_with_an_empty_battery_ends_and_its_outcome_lasts_as_long_as_the_shift(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(trial, "shift_of", lambda seed: replace(shift_of(seed), battery_percent=0.3))
+    outcome = trial.StoreTrial(name="run", spec=SPEC, seed=1, manager=NominalManager(), duration_s=500.0).run(tmp_path)
+
+    assert outcome.battery_empty_s is not None
+    assert 3.0 < outcome.battery_empty_s < 30.0
+    assert (outcome.duration_s, outcome.loops, outcome.gaps_m[-1][0] < 30.0) == (500.0, 0, True)
+    assert outcome.drain_known_s is None  # it is unknown for the first minute
 
 
 # Counting
@@ -488,7 +622,7 @@ def test_reported_seeds_are_not_used_for_tuning() -> None:
 
 
 def test_the_speeds_are_those_of_the_spec() -> None:
-    text = (Path(__file__).parents[4] / "specs/store.yaml").read_text()
+    text = SPEC.read_text()
 
     assert f"value: {SLOW_M_S} m/s if" in text
     assert f"else {NORMAL_M_S} m/s" in text
