@@ -15,7 +15,7 @@ from tests.cli.test_commands import ROOT, codra
 
 TINY_COMMAND = ("experiment", "tiny_store:EXPERIMENT", "--spec", "specs/store.yaml", "--processes", "2")
 THRESHOLD_RECORD = "threshold, person 1.5 m, battery 15 percent, load full, 1.json"
-SEARCH_RECORDS = (THRESHOLD_RECORD, "ours tuned, close -0.5 m, battery +0 percent, hold of the spec, 1.json")
+SEARCH_RECORDS = (THRESHOLD_RECORD, "ours tuned, crowding +0.2, battery +0 percent, hold of the spec, 1.json")
 MANAGERS = ("course only", "none", "ours", "ours tuned", "speed only", "threshold")
 REPORTED_RECORDS = tuple(f"{manager} 2.json" for manager in MANAGERS)
 FOLDER = Path("runs/tiny-store")
@@ -70,7 +70,7 @@ def test_the_page_has_both_pictures_and_all_cells_of_both_searches(project: Path
     assert page.count("data:image/svg+xml") == 2
     assert page.count("chosen") == 2
     assert "person 1.5 m, battery 15 percent, load full" in page
-    assert "close -0.5 m, battery +0 percent, hold of the spec" in page
+    assert "crowding +0.2, battery +0 percent, hold of the spec" in page
 
 
 def test_it_continues_where_it_stopped_in_the_search_and_after_it(project: Path, tmp_path: Path) -> None:

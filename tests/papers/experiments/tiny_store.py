@@ -11,7 +11,7 @@ from codra_papers.experiments.studies.store_managers.thresholds import Threshold
 DESIGN = Design(
     grids={
         THRESHOLD: (Thresholds(distance_m=1.5, battery_percent=15.0, load="full"),),
-        OURS_TUNED: (LoopParameters(close_shift_m=-0.5),),
+        OURS_TUNED: (LoopParameters(crowding_shift=0.2),),
     },
     tuning_seeds=(1,),
     first_seed=2,

@@ -14,16 +14,16 @@ from codra_papers.experiments.studies.store_managers.managers import OURS_TUNED,
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds
 from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, StoreTrial
 
-TUNING_SEEDS = (1, 2, 3, 4, 5)
+TUNING_SEEDS = (1, 2, 3)
 
 GRIDS: Mapping[str, Sequence[ModelEdit]] = {
     THRESHOLD: tuple(
         Thresholds(distance_m=distance_m, battery_percent=battery_percent, load=load)
-        for distance_m, battery_percent, load in itertools.product((1.0, 1.5, 2.0), (15.0, 25.0), ("loading", "full"))
+        for distance_m, battery_percent, load in itertools.product((1.0, 1.5), (15.0, 25.0), ("full", "loading"))
     ),
     OURS_TUNED: tuple(
-        LoopParameters(close_shift_m=close_shift_m, battery_shift_percent=battery_shift_percent, hold_s=hold_s)
-        for close_shift_m, battery_shift_percent, hold_s in itertools.product((0.0, 0.5, -0.5), (0.0, -5.0), (3.0, 8.0))
+        LoopParameters(crowding_shift=crowding_shift, battery_shift_percent=battery_shift_percent, hold_s=hold_s)
+        for crowding_shift, battery_shift_percent, hold_s in itertools.product((0.0, 0.2), (0.0, -5.0), (3.0, 6.0))
     ),
 }
 """The cells of each search. Both searches have the same number of cells; the first cell of `ours tuned` is the spec."""

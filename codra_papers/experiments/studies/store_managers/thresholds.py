@@ -12,6 +12,9 @@ from codra_dsl.runtime.loops.fuzzy import BoundedInference, Bounds, Inference
 VariableValues = Mapping[str, float]
 """The value of each variable. NaN stands for an unknown value; no comparison with NaN is true."""
 
+CHARGED_PERCENT = 80.0
+"""A battery that is being charged is charged at least to this level."""
+
 _FULL_SAFETY, _HALF_SAFETY, _NO_SAFETY = 1.0, 0.5, 0.0
 
 
@@ -105,6 +108,12 @@ def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
                 reads=("battery_level",),
                 output_values={"power_autonomy": 0.0},
                 holds=lambda n: n["battery_level"] < low_percent,
+            ),
+            Line(
+                text=f"charging and battery_level < {CHARGED_PERCENT:g}",
+                reads=("charging", "battery_level"),
+                output_values={"power_autonomy": 0.0},
+                holds=lambda n: n["charging"] > 0.5 and n["battery_level"] < CHARGED_PERCENT,
             ),
             _default_line({"power_autonomy": 1.0}),
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from codra_dsl.integrations.inspection import compile_and_load
-from codra_dsl.runtime.journal import EventLog, Kind
+from codra_dsl.runtime.journal import Event, EventLog, Kind
 from codra_papers.experiments.store.curves import curves
 from codra_papers.experiments.store.run import StoreRun, StoreRunSettings, run_store
 from codra_papers.experiments.studies.store_managers.managers import Manager
@@ -106,6 +107,19 @@ def _pairs(points: Sequence[Sequence[Any]]) -> Curve:
     return [(at_s, value) for at_s, value in points]
 
 
+class _CountedEvents(EventLog):
+    """All events of the names that outcomes are computed from, however long the run."""
+
+    names = frozenset({COURSE, FETCHING, DRAIN, *SHOWN_VARIABLES})
+
+    def __init__(self) -> None:
+        super().__init__(limit=math.inf)
+
+    def add(self, event: Event) -> None:
+        if event.name in self.names:
+            super().add(event)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreTrial:
     """One run.
@@ -127,7 +141,7 @@ class StoreTrial:
         return False
 
     def run(self, folder: Path) -> StoreOutcome:
-        """Run the shop, and return the outcome. Nothing else is stored.
+        """Run the shop until the shift is over or the battery is empty, and return the outcome. Nothing else is stored.
 
         Raises:
             SpecError: if the spec has errors, or has no loops.
@@ -145,21 +159,27 @@ class StoreTrial:
 
         with tempfile.TemporaryDirectory(prefix="codra-") as build_folder:
             compiled = self.manager.managed_spec(compile_and_load(self.spec, Path(build_folder)).package)
-            settings = StoreRunSettings(shop=shift.settings(), duration_s=duration_s, on_opened=on_opened)
+            settings = StoreRunSettings(
+                shop=shift.settings(),
+                duration_s=duration_s,
+                record=_CountedEvents(),
+                on_opened=on_opened,
+                is_over=lambda: watches[0].battery_empty_s is not None,
+            )
             run = run_store(compiled, settings)
-        return self._outcome(run, watches[0])
+        return self._outcome(run, watches[0], duration_s)
 
     def outcome(self, text: str) -> StoreOutcome:
         """Return the outcome from the JSON text that its `to_json` returned."""
         return StoreOutcome.from_json(text)
 
-    def _outcome(self, run: StoreRun, watch: Watch) -> StoreOutcome:
+    def _outcome(self, run: StoreRun, watch: Watch, duration_s: float) -> StoreOutcome:
         courses = courses_of(run.record)
         return StoreOutcome(
             name=self.name,
             seed=self.seed,
             manager=self.manager.name,
-            duration_s=run.duration_s,
+            duration_s=duration_s,
             loops=run.score.missions,
             orders=run.orders,
             aborts=sum(event.what == "aborted" for event in run.record.of(Kind.KNOWLEDGE, FETCHING)),
@@ -167,7 +187,7 @@ class StoreTrial:
             driven_m=round(run.score.driven_m, 3),
             unsafe_s=run.score.unsafe_s,
             courses=courses,
-            called=calls(watch.causes, courses, run.duration_s),
+            called=calls(watch.causes, courses, duration_s),
             unsafe=watch.unsafe,
             gaps_m=watch.gaps_m,
             curves={name: _thin_curve(curve) for name, curve in curves(run.record, SHOWN_VARIABLES).items()},

@@ -13,13 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.integrations.inspection import SpecError
-from codra_dsl.runtime import Reading, Reason
+from codra_dsl.runtime import Reading, Reason, SimClock
 from codra_dsl.runtime.loops import Plan, Planning, assess
 from codra_dsl.runtime.loops.observations import Observation
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.campaign.seeds import reported_seeds
 from codra_papers.experiments.campaign.statistics import quantile_interval
 from codra_papers.experiments.store.run import StoreRunSettings, run_store
+from codra_papers.experiments.studies.store_managers import trial
 from codra_papers.experiments.studies.store_managers.answering import answers
 from codra_papers.experiments.studies.store_managers.comparing import compare_managers, reactions
 from codra_papers.experiments.studies.store_managers.loop_parameters import LoopParameters
@@ -35,15 +36,26 @@ from codra_papers.experiments.studies.store_managers.managers import (
     managers,
 )
 from codra_papers.experiments.studies.store_managers.search import GRIDS, Design, best_cell, cells
-from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
+from codra_papers.experiments.studies.store_managers.shift import (
+    MAX_DURATION_S,
+    MIN_DURATION_S,
+    PlannedOrder,
+    Shift,
+    Staging,
+    Visit,
+    shift_of,
+)
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds
 from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, courses_of
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.geometry import Point, Pose2D
+from codra_papers.store.layout import AREAS
+from codra_papers.store.simulator.situations import OrderKind
 from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 from generated import lab, store
 
+SPEC = Path(__file__).parents[4] / "specs/store.yaml"
 THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
 THRESHOLD_MAPE = THRESHOLDS(store.MAPE)
 MANAGERS = {
@@ -63,6 +75,9 @@ CALM_VALUES: Mapping[str, Value | None] = {
     "full_on_fork": False,
     "battery_level": 80.0,
     "battery_drain": 0.5,
+    "charging": False,
+    "crowded": False,
+    "crowding": 0.0,
 }
 
 
@@ -100,7 +115,8 @@ def plans(manager: Manager, cycles: int = 6) -> list[tuple[float, Plan]]:
     context, planner = WrittenContext({**CALM_VALUES, "picking_up": True}), planning(manager)
     timed_plans = []
     for step in range(cycles * 200):
-        context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
+        is_close = bool(step // 100 % 2)
+        context.values |= {"person_distance": 1.0 if is_close else 10.0, "crowded": is_close}
         timed_plans.append((step * 0.1, planner.plan(context, step * 0.1)))
     return timed_plans
 
@@ -161,43 +177,53 @@ def loop_weights(parameters: LoopParameters, **changes: Value | None) -> dict[st
     return assess(parameters(store.MAPE), scene).weights()
 
 
-@pytest.mark.parametrize(
-    ("parameters", "variable", "shift"),
-    [
-        (LoopParameters(close_shift_m=0.5), "person_distance", -0.5),
-        (LoopParameters(close_shift_m=-0.5), "person_distance", 0.5),
-        (LoopParameters(battery_shift_percent=-5.0), "battery_level", 5.0),
-    ],
-)
-def test_shifted_loops_weigh_a_value_as_the_spec_weighs_the_shifted_value(
-    parameters: LoopParameters, variable: str, shift: float
-) -> None:
-    for step in range(30):
-        value = step * (0.1 if variable == "person_distance" else 1.5) + 1.0
-        shifted = loop_weights(parameters, picking_up=True, **{variable: value})
-        assert shifted == loop_weights(LoopParameters(), picking_up=True, **{variable: value + shift})
-    assert shifted != loop_weights(parameters, picking_up=True, **{variable: 1.0})
+def test_moved_terms_weigh_a_value_as_the_spec_weighs_the_value_moved_back() -> None:
+    crowding_changes = [{"picking_up": True, "people_at_container": 1, "crowding": step / 20} for step in range(5, 21)]
+    battery_changes = [{"battery_level": float(step)} for step in range(40)]
+    for parameters, variable, shift, changes in (
+        (LoopParameters(crowding_shift=0.2), "crowding", 0.2, crowding_changes),
+        (LoopParameters(battery_shift_percent=-5.0), "battery_level", -5.0, battery_changes),
+    ):
+        moved_weights = [loop_weights(parameters, **values) for values in changes]
+        assert moved_weights == [
+            loop_weights(LoopParameters(), **{**values, variable: values[variable] - shift}) for values in changes
+        ]
+        assert moved_weights != [loop_weights(LoopParameters(), **values) for values in changes]
 
 
-def test_shifted_loops_are_as_careful_as_the_spec_while_values_are_unknown() -> None:
-    unknown_values = {"person_distance": None, "battery_level": None}
-
+def test_with_moved_terms_the_bounds_of_a_metric_contain_its_value() -> None:
     for parameters in GRIDS[OURS_TUNED]:
-        assert isinstance(parameters, LoopParameters)
-        assert loop_weights(parameters, **unknown_values) == loop_weights(LoopParameters(), **unknown_values)
+        mape = parameters(store.MAPE)
+        scene = {name: Observation(variable=name, value=value) for name, value in CALM_VALUES.items()}
+        bounded_outputs = assess(
+            mape, {**scene, "battery_level": Observation(variable="battery_level")}
+        ).metrics.outputs
+        for step in range(21):
+            level = Observation(variable="battery_level", value=step * 5.0)
+            known_outputs = assess(mape, {**scene, "battery_level": level}).metrics.outputs
+            for known_output, bounded_output in zip(known_outputs, bounded_outputs, strict=True):
+                assert known_output.value is not None
+                assert bounded_output.bounds.holds(known_output.value)
 
 
 def test_a_longer_hold_delays_the_change_of_the_course() -> None:
-    our_change_s, tuned_change_s = (chosen_courses(plans(manager))[1][0] for manager in (OURS, MANAGERS[OURS_TUNED]))
+    def docks_s(manager: Manager) -> float:
+        context, planner = WrittenContext(), planning(manager)
+        for step in range(300):
+            context.values["battery_level"] = 80.0 if step < 100 else 15.0
+            for decision in planner.plan(context, step * 0.1).decisions:
+                if decision.action == "dock":
+                    return decision.instant_s
+        raise AssertionError("the truck never docks")
 
-    assert tuned_change_s - our_change_s == pytest.approx(5.0, abs=0.2)
+    assert docks_s(MANAGERS[OURS_TUNED]) - docks_s(OURS) == pytest.approx(5.0, abs=0.2)
 
 
-def test_numbers_that_no_metric_reads_are_refused() -> None:
+def test_terms_of_variables_that_the_loops_do_not_read_cannot_be_moved() -> None:
     assert store.MAPE.metrics is not None
     metrics = replace(store.MAPE.metrics, inputs=store.MAPE.metrics.inputs[:1])
 
-    with pytest.raises(ValueError, match="do not read battery_level, person_distance"):
+    with pytest.raises(ValueError, match="the loops of the spec do not read battery_level"):
         LoopParameters()(replace(store.MAPE, metrics=metrics))
 
 
@@ -219,6 +245,9 @@ def weights(**changes: Value | None) -> dict[str, float | None]:
         ({"order_open": False}, "start"),
         ({"battery_level": 19.9}, "dock"),
         ({"battery_level": 20.0}, "pick"),
+        ({"battery_level": 79.9, "charging": True}, "dock"),
+        ({"battery_level": 80.0, "charging": True}, "pick"),
+        ({"battery_level": 79.9, "charging": None}, "dock"),
         ({"battery_level": 19.9, "bumped": True, "loaded": True, "container_load": "full"}, "dock"),
         ({"bumped": True}, "start"),
         ({"loaded": True, "container_load": "full"}, "deliver"),
@@ -338,23 +367,141 @@ def test_a_run_is_reproducible() -> None:
 
 
 def test_a_shift_depends_on_the_seed_only() -> None:
-    for seed in range(1, 40):
-        shift = shift_of(seed)
-        assert shift == shift_of(seed)
-        assert sorted(shift.areas) == ["area_1", "area_2", "area_3", "area_4"]
-        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < shift.duration_s
-        assert all(visit.at_s < shift.duration_s for visit in shift.visits)
-    assert len({shift_of(seed).areas for seed in range(1, 40)}) > 10
-    assert {shift_of(seed).is_hidden for seed in range(1, 40)} == {True, False}
-    assert {len(shift_of(seed).visits) for seed in range(1, 40)} == {0, 1, 2}
+    shifts = [shift_of(seed) for seed in range(1, 40)]
+
+    assert shifts == [shift_of(seed) for seed in range(1, 40)]
+    for shift in shifts:
+        assert MIN_DURATION_S <= shift.duration_s <= MAX_DURATION_S
+        ordered_s = [order.at_s for order in shift.orders]
+        assert ordered_s == sorted(ordered_s)
+        assert 0.0 < ordered_s[0] < shift.duration_s - 300.0 < ordered_s[-1] < shift.duration_s
+        assert {order.area for order in shift.orders} <= {*shift.sources, "supply"}
+        assert not {order.target for order in shift.orders} & {*shift.sources, "supply"}
+    orders = [order for shift in shifts for order in shift.orders]
+    assert {order.kind for order in orders} == set(OrderKind)
+    assert {order.load for order in orders} == set(Load)
+    assert {order.is_hidden for order in orders} == {True, False} == {order.cancelled_s is None for order in orders}
+    assert {visit.people for shift in shifts for visit in shift.visits} == {1, 2, 3}
+    assert len({shift.drain for shift in shifts}) == 2
 
 
-def test_a_shift_begins_with_its_containers_in_their_places() -> None:
-    assert [what for at_s, what in observe_run(NONE, 1, 30.0).events if at_s == 0.0] == [
-        "container_3 was moved: floor",
-        "container_3 is full",
-        "container_1 is loading",
-    ]
+@dataclass
+class ShopOfShift:
+    """A shop in which the events of a shift happen, and whose robot gets no commands."""
+
+    shift: Shift
+    clock: SimClock = field(default_factory=SimClock)
+
+    def __post_init__(self) -> None:
+        self.shop = Store(self.clock, self.shift.settings())
+        Staging(self.shift, self.shop)
+
+    def containers(self, where: Whereabouts) -> dict[Pose2D, Load]:
+        containers = self.shop.world.state().containers
+        return {container.at: container.load for container in containers if container.where is where}
+
+    def attribute(self, node: str, name: str) -> object:
+        return self.shop.knowledge.get(node, name).value
+
+
+def planned_order(at_s: float, kind: OrderKind, **changes: object) -> PlannedOrder:
+    order = PlannedOrder(
+        at_s=at_s,
+        kind=kind,
+        area="area_4",
+        target="area_1",
+        load=Load.LOADING,
+        full_s=at_s + 3.0,
+        is_hidden=False,
+        cancelled_s=None,
+    )
+    return replace(order, **changes)  # type: ignore[arg-type]
+
+
+def shop_of_orders(*orders: PlannedOrder, visits: tuple[Visit, ...] = ()) -> ShopOfShift:
+    return ShopOfShift(replace(shift_of(1), sources=("area_4", "area_3"), orders=orders, visits=visits))
+
+
+def test_pickers_put_the_container_of_an_order_at_its_place_and_fill_it() -> None:
+    shop = shop_of_orders(planned_order(2.0, OrderKind.MOVE, is_hidden=True))
+    place = AREAS["area_4"].places[1]
+
+    shop.clock.sleep(1.0)
+    assert place not in shop.containers(Whereabouts.FLOOR)
+    shop.clock.sleep(2.0)
+    assert shop.containers(Whereabouts.FLOOR)[place] is Load.LOADING
+    shop.clock.sleep(3.0)
+    assert shop.containers(Whereabouts.FLOOR)[place] is Load.FULL
+
+
+def test_a_second_container_waits_until_the_first_has_left_the_area() -> None:
+    collect = OrderKind.COLLECT
+    shop = shop_of_orders(planned_order(1.0, collect), planned_order(2.0, collect, load=Load.EMPTY, is_hidden=True))
+    first, second = AREAS["area_4"].places
+
+    shop.clock.sleep(3.0)
+    assert second not in shop.containers(Whereabouts.FLOOR)
+    (name,) = (item.name for item in shop.shop.world.state().containers_on_floor() if item.at == first)
+    shop.shop.world.move_container(name, first, Whereabouts.BACK_ROOM)
+    shop.clock.sleep(1.0)
+    assert shop.containers(Whereabouts.FLOOR)[second] is Load.EMPTY
+
+
+def test_pickers_put_no_container_beside_the_robot() -> None:
+    shop = shop_of_orders(planned_order(1.0, OrderKind.COLLECT))
+    place = AREAS["area_4"].places[0]
+    ahead = place.pose_ahead(2.0)
+    shop.shop.world._state = replace(shop.shop.world.state(), robot=RobotState(at=ahead))
+
+    shop.clock.sleep(2.0)
+    assert place not in shop.containers(Whereabouts.FLOOR)
+    shop.shop.world._state = replace(shop.shop.world.state(), robot=RobotState(at=place.pose_ahead(6.0)))
+    shop.clock.sleep(1.0)
+    assert place in shop.containers(Whereabouts.FLOOR)
+
+
+def test_an_order_of_a_shift_can_be_taken_back() -> None:
+    shop = shop_of_orders(planned_order(1.0, OrderKind.MOVE), planned_order(2.0, OrderKind.COLLECT, cancelled_s=4.0))
+
+    shop.clock.sleep(5.0)
+    assert not shop.shop.knowledge.get("order_1", "cancelled").known
+    assert shop.attribute("order_2", "cancelled") is True
+
+
+def test_the_page_has_the_load_of_the_container_in_the_area_nearest_to_the_robot() -> None:
+    """The robot waits at the start, which is nearest to the second picking area."""
+    orders = (planned_order(1.0, OrderKind.COLLECT, area=area, load=load) for area, load in LOADS_OF_AREAS.items())
+    shop = ShopOfShift(replace(shift_of(1), sources=tuple(LOADS_OF_AREAS), orders=tuple(orders), visits=()))
+
+    shop.clock.sleep(2.0)
+    assert shop.attribute("robot", "container_load") == "full"
+
+
+LOADS_OF_AREAS = {"area_2": Load.FULL, "area_4": Load.EMPTY}
+
+
+def test_a_crowd_comes_and_leaves_the_shop() -> None:
+    shop = shop_of_orders(visits=(Visit(at_s=1.0, area="area_4", people=2, times=1),))
+
+    def people() -> set[str]:
+        return {name for name, _ in shop.shop.world.state().people_m if name.startswith("visitor")}
+
+    shop.clock.sleep(2.0)
+    assert people() == {"visitor 1.1", "visitor 1.2"}
+    shop.clock.sleep(28.0)
+    assert people() == set()
+
+
+def test_a_run_with_an_empty_battery_ends_and_its_outcome_lasts_as_long_as_the_shift(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(trial, "shift_of", lambda seed: replace(shift_of(seed), battery_percent=0.3))
+    outcome = trial.StoreTrial(name="run", spec=SPEC, seed=1, manager=NONE, duration_s=500.0).run(tmp_path)
+
+    assert outcome.battery_empty_s is not None
+    assert 3.0 < outcome.battery_empty_s < 30.0
+    assert (outcome.duration_s, outcome.loops, outcome.gaps_m[-1][0] < 30.0) == (500.0, 0, True)
+    assert outcome.drain_known_s is None  # it is unknown for the first minute
 
 
 # Counting
@@ -577,7 +724,7 @@ def test_both_searches_have_the_same_budget_and_that_of_ours_begins_with_the_spe
     assert GRIDS.keys() == {THRESHOLD, OURS_TUNED}
     assert len(set(GRIDS[THRESHOLD])) == len(set(GRIDS[OURS_TUNED])) == len(GRIDS[THRESHOLD])
     assert isinstance(first_cell, LoopParameters)
-    assert (first_cell.close_shift_m, first_cell.battery_shift_percent) == (0.0, 0.0)
+    assert (first_cell.crowding_shift, first_cell.battery_shift_percent) == (0.0, 0.0)
     assert [course.hold_s for course in first_cell(store.MAPE).courses] == [
         course.hold_s for course in store.MAPE.courses
     ]
@@ -589,7 +736,7 @@ def test_reported_seeds_are_not_used_for_tuning() -> None:
 
 
 def test_the_speeds_are_those_of_the_spec() -> None:
-    text = (Path(__file__).parents[4] / "specs/store.yaml").read_text()
+    text = SPEC.read_text()
 
     assert f"value: {SLOW_M_S} m/s if" in text
     assert f"else {NORMAL_M_S} m/s" in text
