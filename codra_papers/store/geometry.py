@@ -164,17 +164,17 @@ def _edge_ranges_m(eye: Floats, directions: Floats, starts: Floats, edges: Float
     """
     to_start = starts - eye
     is_facing = edges[:, 0] * to_start[:, 1] > edges[:, 1] * to_start[:, 0]
-    lengths_m: Floats = np.full(len(directions), np.inf)
     start_x, start_y = to_start[is_facing].T[:, :, None]
     edge_x, edge_y = edges[is_facing].T[:, :, None]
-    direction_x, direction_y = directions.T
+    direction_x, direction_y = np.ascontiguousarray(directions.T)
     # t = numerators / cross and u = from_start / cross. The numerators are negative, so t >= 0 where cross < 0.
     cross = edge_y * direction_x - edge_x * direction_y
     from_start = start_x * direction_y - start_y * direction_x
-    edge, ray = np.nonzero((from_start <= 0.0) & (from_start >= cross) & (cross < 0.0))
-    numerators = (start_x * edge_y - start_y * edge_x)[:, 0]
-    np.minimum.at(lengths_m, ray, numerators[edge] / cross[edge, ray])
-    return lengths_m
+    meets = (from_start <= 0.0) & (from_start >= cross) & (cross < 0.0)
+    lengths_m: Floats = np.full(cross.shape, np.inf)
+    np.divide(start_x * edge_y - start_y * edge_x, cross, out=lengths_m, where=meets)
+    nearest: Floats = lengths_m.min(axis=0, initial=np.inf)
+    return nearest
 
 
 def _disc_ranges_m(eye: Floats, directions: Floats, centres: Floats, radii: Floats) -> Floats:

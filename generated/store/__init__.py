@@ -1,4 +1,4 @@
-"""The context of 'store': 0 observers, 33 context-variables, 0 skills.
+"""The context of 'store': 0 observers, 35 context-variables, 0 skills.
 
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
@@ -44,6 +44,7 @@ FloatName = Literal[
     "pose_spread",
     "max_speed",
     "battery_drain",
+    "crowding",
     "safety",
     "mission_completion",
     "power_autonomy",
@@ -56,7 +57,16 @@ FloatName = Literal[
     "filtered_weight_of_start",
     "filtered_weight_of_dock",
 ]
-BoolName = Literal["charging", "camera_steady", "bumped", "loaded", "full_on_fork", "order_open", "picking_up"]
+BoolName = Literal[
+    "charging",
+    "camera_steady",
+    "bumped",
+    "loaded",
+    "full_on_fork",
+    "crowded",
+    "order_open",
+    "picking_up",
+]
 ContainerLoadName = Literal["container_load"]
 GoalWayName = Literal["goal_way"]
 BaseNoticeName = Literal["base_notice"]

@@ -78,6 +78,8 @@ AttributeName = Literal[
     "battery_drain",
     "full_on_fork",
     "people_at_container",
+    "crowded",
+    "crowding",
     "order_open",
     "picking_up",
     "safety",
@@ -516,6 +518,19 @@ KNOWLEDGE = KnowledgeModel(
                     label="People near a container",
                 ),
                 AttributeModel(
+                    name="crowded",
+                    type=boolean(),
+                    sources=by("observer"),
+                    history=300,
+                    label="Somebody at the pick-up",
+                ),
+                AttributeModel(
+                    name="crowding",
+                    type=real(0, 1),
+                    sources=by("analysis"),
+                    label="Share of time with somebody at the pick-up",
+                ),
+                AttributeModel(
                     name="order_open",
                     type=boolean(),
                     sources=by("mission"),
@@ -545,7 +560,7 @@ KNOWLEDGE = KnowledgeModel(
                 ),
                 AttributeModel(
                     name="battery_drain",
-                    type=real(0, 5, unit="percent/min"),
+                    type=real(0, 20, unit="percent/min"),
                     sources=by("analysis"),
                     label="Drain of the battery",
                 ),
@@ -1009,6 +1024,7 @@ KNOWLEDGE = KnowledgeModel(
             phase=Phase.ANALYSE,
             owns=(
                 "battery.battery_drain",
+                "robot.crowding",
                 "context.safety",
                 "context.mission_completion",
                 "context.power_autonomy",
@@ -1634,6 +1650,7 @@ if TYPE_CHECKING:
             name: str,
             attribute: Literal[
                 "battery_drain",
+                "crowding",
                 "safety",
                 "mission_completion",
                 "power_autonomy",

@@ -12,6 +12,7 @@ from codra_dsl.runtime.generated_api import (
     MapeModel,
     OutputModel,
     ParameterModel,
+    RateKind,
     RateModel,
     StageModel,
     StageRuleModel,
@@ -28,7 +29,7 @@ MAPE = MapeModel(
     loops=(
         LoopModel(
             name="mission",
-            rates=("battery_drain",),
+            rates=("battery_drain", "crowding"),
             analyse=("safety", "mission_completion", "power_autonomy"),
             adapt=("course", "speed"),
             execute=("mission",),
@@ -102,12 +103,26 @@ MAPE = MapeModel(
             InputModel(
                 variable="battery_level",
                 range=Bounds(0.0, 100.0),
-                terms={"empty": lambda x: terms.ramp(x, 30.0, 10.0), "full": lambda x: terms.ramp(x, 10.0, 30.0)},
+                terms={
+                    "empty": lambda x: terms.ramp(x, 30.0, 10.0),
+                    "full": lambda x: terms.ramp(x, 10.0, 30.0),
+                    "scarce": lambda x: terms.ramp(x, 45.0, 30.0),
+                    "charged": lambda x: terms.ramp(x, 70.0, 95.0),
+                },
+            ),
+            InputModel(
+                variable="charging",
+                range=Bounds(0.0, 1.0),
+                members=("false", "true"),
+                terms={
+                    "false": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "true": lambda x: terms.rectangle(x, 0.5, 1.5),
+                },
             ),
             InputModel(
                 variable="battery_drain",
-                range=Bounds(0.0, 5.0),
-                terms={"fast": lambda x: terms.ramp(x, 1.0, 2.0)},
+                range=Bounds(0.0, 20.0),
+                terms={"fast": lambda x: terms.ramp(x, 5.0, 7.0)},
             ),
         ),
         outputs=(
@@ -123,14 +138,14 @@ MAPE = MapeModel(
                 reads=("picking_up", "people_at_container"),
             ),
             StageRuleModel(
-                text="if picking_up is true and people_at_container is one and container_load is not empty then safety is low",
+                text="if picking_up is true and people_at_container is one and container_load is not empty then safety is low with 0.5",
                 concludes=("safety",),
                 reads=("picking_up", "people_at_container", "container_load"),
             ),
             StageRuleModel(
-                text="if bumped is false and picking_up is true and people_at_container is one and container_load is empty then safety is medium",
+                text="if bumped is false and picking_up is true and people_at_container is one then safety is medium",
                 concludes=("safety",),
-                reads=("bumped", "picking_up", "people_at_container", "container_load"),
+                reads=("bumped", "picking_up", "people_at_container"),
             ),
             StageRuleModel(
                 text="if bumped is false and picking_up is true and people_at_container is nobody and person_distance is close then safety is medium",
@@ -168,14 +183,29 @@ MAPE = MapeModel(
                 reads=("battery_level",),
             ),
             StageRuleModel(
-                text="if battery_level is full and battery_drain is fast then power_autonomy is medium",
+                text="if charging is true and battery_level is not charged then power_autonomy is low",
                 concludes=("power_autonomy",),
-                reads=("battery_level", "battery_drain"),
+                reads=("charging", "battery_level"),
             ),
             StageRuleModel(
-                text="if battery_level is full and battery_drain is not fast then power_autonomy is high",
+                text="if charging is false and battery_drain is fast and battery_level is scarce then power_autonomy is low",
                 concludes=("power_autonomy",),
-                reads=("battery_level", "battery_drain"),
+                reads=("charging", "battery_drain", "battery_level"),
+            ),
+            StageRuleModel(
+                text="if battery_level is full and charging is false and battery_drain is fast and battery_level is not scarce then power_autonomy is medium",
+                concludes=("power_autonomy",),
+                reads=("battery_level", "charging", "battery_drain"),
+            ),
+            StageRuleModel(
+                text="if battery_level is full and charging is false and battery_drain is not fast then power_autonomy is high",
+                concludes=("power_autonomy",),
+                reads=("battery_level", "charging", "battery_drain"),
+            ),
+            StageRuleModel(
+                text="if charging is true and battery_level is charged then power_autonomy is high",
+                concludes=("power_autonomy",),
+                reads=("charging", "battery_level"),
             ),
         ),
     ),
@@ -220,6 +250,11 @@ MAPE = MapeModel(
                 },
             ),
             InputModel(
+                variable="crowding",
+                range=Bounds(0.0, 1.0),
+                terms={"persistent": lambda x: terms.ramp(x, 0.5, 0.7)},
+            ),
+            InputModel(
                 variable="loaded",
                 range=Bounds(0.0, 1.0),
                 members=("false", "true"),
@@ -242,9 +277,19 @@ MAPE = MapeModel(
                 reads=("mission_completion", "safety", "power_autonomy", "full_on_fork"),
             ),
             StageRuleModel(
-                text="if mission_completion is high or safety is not high or power_autonomy is low or full_on_fork is true then weight_of_pick is low",
+                text="if mission_completion is not high and safety is medium and crowding is not persistent and power_autonomy is not low and full_on_fork is false then weight_of_pick is high",
+                concludes=("pick",),
+                reads=("mission_completion", "safety", "crowding", "power_autonomy", "full_on_fork"),
+            ),
+            StageRuleModel(
+                text="if mission_completion is high or safety is low or power_autonomy is low or full_on_fork is true then weight_of_pick is low",
                 concludes=("pick",),
                 reads=("mission_completion", "safety", "power_autonomy", "full_on_fork"),
+            ),
+            StageRuleModel(
+                text="if safety is medium and crowding is persistent then weight_of_pick is low",
+                concludes=("pick",),
+                reads=("safety", "crowding"),
             ),
             StageRuleModel(
                 text="if full_on_fork is true and safety is not low and power_autonomy is not low then weight_of_deliver is high",
@@ -267,9 +312,19 @@ MAPE = MapeModel(
                 reads=("full_on_fork", "mission_completion"),
             ),
             StageRuleModel(
-                text="if safety is not high and loaded is false then weight_of_start is high",
+                text="if safety is low and loaded is false then weight_of_start is high",
                 concludes=("start",),
                 reads=("safety", "loaded"),
+            ),
+            StageRuleModel(
+                text="if safety is medium and crowding is persistent and loaded is false then weight_of_start is high",
+                concludes=("start",),
+                reads=("safety", "crowding", "loaded"),
+            ),
+            StageRuleModel(
+                text="if safety is medium and crowding is not persistent and mission_completion is not high and loaded is false then weight_of_start is low",
+                concludes=("start",),
+                reads=("safety", "crowding", "mission_completion", "loaded"),
             ),
             StageRuleModel(
                 text="if safety is low and loaded is true then weight_of_start is medium",
@@ -303,7 +358,10 @@ MAPE = MapeModel(
             ),
         ),
     ),
-    rates=(RateModel(variable="battery_drain", of="battery_level", over_s=120.0, factor=-60.0),),
+    rates=(
+        RateModel(variable="battery_drain", of="battery_level", over_s=120.0, factor=-60.0),
+        RateModel(variable="crowding", of="crowded", over_s=30.0, kind=RateKind.SHARE),
+    ),
     courses=(
         CourseModel(
             name="course",

@@ -26,6 +26,7 @@ INPUTS = (
     "order_open",
     "loaded",
     "battery_level",
+    "charging",
     "battery_drain",
 )
 RANGES: tuple[Bounds, ...] = (
@@ -37,7 +38,8 @@ RANGES: tuple[Bounds, ...] = (
     Bounds(0.0, 1.0),
     Bounds(0.0, 1.0),
     Bounds(0.0, 100.0),
-    Bounds(0.0, 5.0),
+    Bounds(0.0, 1.0),
+    Bounds(0.0, 20.0),
 )
 OUTPUTS = (
     "safety",
@@ -47,8 +49,8 @@ OUTPUTS = (
 RULES = (
     "if bumped is true then safety is low",
     "if picking_up is true and people_at_container is several then safety is low",
-    "if picking_up is true and people_at_container is one and container_load is not empty then safety is low",
-    "if bumped is false and picking_up is true and people_at_container is one and container_load is empty then safety is medium",
+    "if picking_up is true and people_at_container is one and container_load is not empty then safety is low with 0.5",
+    "if bumped is false and picking_up is true and people_at_container is one then safety is medium",
     "if bumped is false and picking_up is true and people_at_container is nobody and person_distance is close then safety is medium",
     "if bumped is false and picking_up is true and people_at_container is nobody and person_distance is not close then safety is high",
     "if bumped is false and picking_up is false then safety is high",
@@ -56,8 +58,11 @@ RULES = (
     "if order_open is true and loaded is true then mission_completion is medium",
     "if order_open is true and loaded is false then mission_completion is low",
     "if battery_level is empty then power_autonomy is low",
-    "if battery_level is full and battery_drain is fast then power_autonomy is medium",
-    "if battery_level is full and battery_drain is not fast then power_autonomy is high",
+    "if charging is true and battery_level is not charged then power_autonomy is low",
+    "if charging is false and battery_drain is fast and battery_level is scarce then power_autonomy is low",
+    "if battery_level is full and charging is false and battery_drain is fast and battery_level is not scarce then power_autonomy is medium",
+    "if battery_level is full and charging is false and battery_drain is not fast then power_autonomy is high",
+    "if charging is true and battery_level is charged then power_autonomy is high",
 )
 
 SAFETY = outputs.Integral(
@@ -111,7 +116,10 @@ POWER_AUTONOMY = outputs.Integral(
     ),
     conclusions=(
         outputs.Conclusion(term=0, implication=norms.minimum),
+        outputs.Conclusion(term=0, implication=norms.minimum),
+        outputs.Conclusion(term=0, implication=norms.minimum),
         outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=2, implication=norms.minimum),
         outputs.Conclusion(term=2, implication=norms.minimum),
     ),
 )
@@ -126,6 +134,7 @@ def infer(
     order_open: float,
     loaded: float,
     battery_level: float,
+    charging: float,
     battery_drain: float,
     *,
     previous: tuple[float, ...] = (math.nan,) * 3,
@@ -146,11 +155,15 @@ def infer(
     loaded_true = terms.rectangle(loaded, 0.5, 1.5)
     battery_level_empty = terms.ramp(battery_level, 30.0, 10.0)
     battery_level_full = terms.ramp(battery_level, 10.0, 30.0)
-    battery_drain_fast = terms.ramp(battery_drain, 1.0, 2.0)
+    battery_level_scarce = terms.ramp(battery_level, 45.0, 30.0)
+    battery_level_charged = terms.ramp(battery_level, 70.0, 95.0)
+    charging_false = terms.rectangle(charging, -0.5, 0.5)
+    charging_true = terms.rectangle(charging, 0.5, 1.5)
+    battery_drain_fast = terms.ramp(battery_drain, 5.0, 7.0)
     rule_1 = bumped_true
     rule_2 = norms.minimum(picking_up_true, people_at_container_several)
-    rule_3 = norms.minimum(norms.minimum(picking_up_true, people_at_container_one), hedges.not_(container_load_empty))
-    rule_4 = norms.minimum(norms.minimum(norms.minimum(bumped_false, picking_up_true), people_at_container_one), container_load_empty)
+    rule_3 = 0.5 * norms.minimum(norms.minimum(picking_up_true, people_at_container_one), hedges.not_(container_load_empty))
+    rule_4 = norms.minimum(norms.minimum(bumped_false, picking_up_true), people_at_container_one)
     rule_5 = norms.minimum(norms.minimum(norms.minimum(bumped_false, picking_up_true), people_at_container_nobody), person_distance_close)
     rule_6 = norms.minimum(norms.minimum(norms.minimum(bumped_false, picking_up_true), people_at_container_nobody), hedges.not_(person_distance_close))
     rule_7 = norms.minimum(bumped_false, picking_up_false)
@@ -158,15 +171,18 @@ def infer(
     rule_9 = norms.minimum(order_open_true, loaded_true)
     rule_10 = norms.minimum(order_open_true, loaded_false)
     rule_11 = battery_level_empty
-    rule_12 = norms.minimum(battery_level_full, battery_drain_fast)
-    rule_13 = norms.minimum(battery_level_full, hedges.not_(battery_drain_fast))
+    rule_12 = norms.minimum(charging_true, hedges.not_(battery_level_charged))
+    rule_13 = norms.minimum(norms.minimum(charging_false, battery_drain_fast), battery_level_scarce)
+    rule_14 = norms.minimum(norms.minimum(norms.minimum(battery_level_full, charging_false), battery_drain_fast), hedges.not_(battery_level_scarce))
+    rule_15 = norms.minimum(norms.minimum(battery_level_full, charging_false), hedges.not_(battery_drain_fast))
+    rule_16 = norms.minimum(charging_true, battery_level_charged)
     safety = SAFETY.value((rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7))
     safety = outputs.clipped(safety, 0.0, 1.0)
     mission_completion = MISSION_COMPLETION.value((rule_8, rule_9, rule_10))
     mission_completion = outputs.clipped(mission_completion, 0.0, 1.0)
-    power_autonomy = POWER_AUTONOMY.value((rule_11, rule_12, rule_13))
+    power_autonomy = POWER_AUTONOMY.value((rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))
     power_autonomy = outputs.clipped(power_autonomy, 0.0, 1.0)
-    return Inference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13))
+    return Inference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))
 
 
 def infer_bounds(
@@ -178,6 +194,7 @@ def infer_bounds(
     order_open: Bounds,
     loaded: Bounds,
     battery_level: Bounds,
+    charging: Bounds,
     battery_drain: Bounds,
     *,
     previous: tuple[Bounds, ...] = (bounds.UNKNOWN,) * 3,
@@ -198,11 +215,15 @@ def infer_bounds(
     loaded_true = bounds.image(terms.rectangle, loaded, 0.5, 1.5)
     battery_level_empty = bounds.image(terms.ramp, battery_level, 30.0, 10.0)
     battery_level_full = bounds.image(terms.ramp, battery_level, 10.0, 30.0)
-    battery_drain_fast = bounds.image(terms.ramp, battery_drain, 1.0, 2.0)
+    battery_level_scarce = bounds.image(terms.ramp, battery_level, 45.0, 30.0)
+    battery_level_charged = bounds.image(terms.ramp, battery_level, 70.0, 95.0)
+    charging_false = bounds.image(terms.rectangle, charging, -0.5, 0.5)
+    charging_true = bounds.image(terms.rectangle, charging, 0.5, 1.5)
+    battery_drain_fast = bounds.image(terms.ramp, battery_drain, 5.0, 7.0)
     rule_1 = bumped_true
     rule_2 = bounds.norm(norms.minimum, picking_up_true, people_at_container_several)
-    rule_3 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, picking_up_true, people_at_container_one), bounds.hedge(hedges.not_, container_load_empty))
-    rule_4 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, picking_up_true), people_at_container_one), container_load_empty)
+    rule_3 = bounds.times(0.5, bounds.norm(norms.minimum, bounds.norm(norms.minimum, picking_up_true, people_at_container_one), bounds.hedge(hedges.not_, container_load_empty)))
+    rule_4 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, picking_up_true), people_at_container_one)
     rule_5 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, picking_up_true), people_at_container_nobody), person_distance_close)
     rule_6 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, picking_up_true), people_at_container_nobody), bounds.hedge(hedges.not_, person_distance_close))
     rule_7 = bounds.norm(norms.minimum, bumped_false, picking_up_false)
@@ -210,12 +231,15 @@ def infer_bounds(
     rule_9 = bounds.norm(norms.minimum, order_open_true, loaded_true)
     rule_10 = bounds.norm(norms.minimum, order_open_true, loaded_false)
     rule_11 = battery_level_empty
-    rule_12 = bounds.norm(norms.minimum, battery_level_full, battery_drain_fast)
-    rule_13 = bounds.norm(norms.minimum, battery_level_full, bounds.hedge(hedges.not_, battery_drain_fast))
+    rule_12 = bounds.norm(norms.minimum, charging_true, bounds.hedge(hedges.not_, battery_level_charged))
+    rule_13 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, charging_false, battery_drain_fast), battery_level_scarce)
+    rule_14 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, battery_level_full, charging_false), battery_drain_fast), bounds.hedge(hedges.not_, battery_level_scarce))
+    rule_15 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, battery_level_full, charging_false), bounds.hedge(hedges.not_, battery_drain_fast))
+    rule_16 = bounds.norm(norms.minimum, charging_true, battery_level_charged)
     safety = bounded_outputs.integral(SAFETY, (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7))
     safety = bounds.clipped(safety, 0.0, 1.0)
     mission_completion = bounded_outputs.integral(MISSION_COMPLETION, (rule_8, rule_9, rule_10))
     mission_completion = bounds.clipped(mission_completion, 0.0, 1.0)
-    power_autonomy = bounded_outputs.integral(POWER_AUTONOMY, (rule_11, rule_12, rule_13))
+    power_autonomy = bounded_outputs.integral(POWER_AUTONOMY, (rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))
     power_autonomy = bounds.clipped(power_autonomy, 0.0, 1.0)
-    return BoundedInference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13))
+    return BoundedInference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))

@@ -105,6 +105,8 @@ def of_store(store: Subject, vary: str, steps: int, **known: str) -> Sweep:
         "loaded": "false",
         "battery_level": "80",
         "battery_drain": "0.5",
+        "charging": "false",
+        "crowding": "1",
         "container_load": "empty",
         "people_at_container": "0",
     }

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.course_filters import JUST_AFTER_S
@@ -135,7 +136,7 @@ def share(model: RateModel, history: History, now_s: float) -> Observation:
     start_s = now_s - model.over_s
     durations_s = [
         (phase.content, max(0.0, phase.until_s - max(start_s, phase.from_s)))
-        for phase in _phases(history, now_s)
+        for phase in takewhile(lambda phase: phase.until_s > start_s, _phases(history, now_s))
         if phase.content is not None and phase.is_evidence
     ]
     known_s = math.fsum(duration_s for _, duration_s in durations_s)

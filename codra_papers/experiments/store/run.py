@@ -49,9 +49,11 @@ class StoreRunSettings:
         duration_s: how long the run lasts; infinite for a run that lasts until it is interrupted.
         progress: a function that is called repeatedly with the present instant.
         journal: the file of the journal; None for no journal.
+        record: the event log of a run without a journal; None for one that keeps the latest events.
         page: the settings of the picker's page; None for no page.
         on_opened: a function that is called with the shop before anything happens there, e.g. to observe the shop or to
             schedule more events.
+        is_over: a function that returns whether a run with loops ends now, before its duration is over.
     """
 
     shop: StoreSettings = field(default_factory=StoreSettings)
@@ -59,8 +61,10 @@ class StoreRunSettings:
     pace: Pace = Pace.FAST
     progress: Callable[[float], None] = lambda _: None
     journal: Path | None = None
+    record: EventLog | None = None
     page: PageSettings | None = None
     on_opened: Callable[[Store], None] = lambda _: None
+    is_over: Callable[[], bool] = lambda: False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +73,7 @@ class StoreRun:
 
     Attributes:
         orders: how many orders ended in each state.
-        record: the events of the run; for a very long run, only the latest events.
+        record: the events of the run; by default only the latest events of a very long run.
     """
 
     duration_s: float
@@ -110,28 +114,39 @@ def run_store(compiled: CompiledSpec, settings: StoreRunSettings) -> StoreRun:
     """
     with ExitStack() as stack:
         clock = LimitedClock(SimClock(), settings.duration_s, settings.progress)
-        record = EventLog() if settings.journal is None else Journal(settings.journal)
+        record = _event_log(settings)
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
         store = Store(clock, settings.shop, codra.knowledge)
         settings.on_opened(store)
-        serve = _serve_function(compiled, codra, clock, stack)
+        serve = _serve_function(compiled, codra, clock, stack, settings.is_over)
         act = _open_page(store, codra, settings.page, stack)
         real_clock = stack.enter_context(WallClock(start_s=0.0)) if settings.pace is Pace.REAL else None
         Beat(clock, real_clock, lambda: _beat(act, settings.progress, clock))
         with suppress(TimeIsUp):
             serve()
+        settings.progress(clock.now_s())
         return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_order_counts(store), record=record)
 
 
+def _event_log(settings: StoreRunSettings) -> EventLog:
+    if settings.journal is not None:
+        return Journal(settings.journal)
+    return EventLog() if settings.record is None else settings.record
+
+
 def _serve_function(
-    compiled: CompiledSpec, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
-) -> Callable[[], None]:
-    """Return a function that serves orders until the time of the clock is up."""
+    compiled: CompiledSpec,
+    codra: ContextManager[Any, Any],
+    clock: Clock,
+    stack: ExitStack,
+    is_over: Callable[[], bool],
+) -> Callable[[], object]:
+    """Return a function that serves orders until the time of the clock is up, or the run is over."""
     if compiled.loops is None:
         return SequentialMission(codra.knowledge, clock).serve
     robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
     stack.enter_context(compiled.loops(codra, clock=clock, robot=robot))
-    return lambda: clock.sleep(math.inf)
+    return lambda: clock.wait_until(is_over, math.inf)
 
 
 def _open_page(

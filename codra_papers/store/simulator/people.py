@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
-from math import atan2, cos, hypot, sin
+from math import atan2, cos, hypot, inf, sin
 from random import Random
 
 import networkx as nx
@@ -44,6 +44,7 @@ class Person:
     Attributes:
         at_m: the middle of the body.
         speed_m_s: the walking speed.
+        has_left: whether the person has left the shop, at the end of the plan.
     """
 
     def __init__(self, name: str, at_m: Point, speed_m_s: float, plan: Callable[[Point, Point | None], Plan]) -> None:
@@ -63,6 +64,7 @@ class Person:
         self._plan = plan(at_m, None)
         self._goal, self._stay_s = next(self._plan)
         self._waited_s = 0.0
+        self.has_left = False
 
     def disc(self) -> Disc:
         """Return the person's space on the floor."""
@@ -103,7 +105,9 @@ class Person:
     def _stay(self, duration_s: float) -> None:
         self._stay_s -= duration_s
         if self._stay_s <= 0.0:
-            self._goal, self._stay_s = next(self._plan)
+            following = next(self._plan, None)
+            self.has_left = following is None
+            self._goal, self._stay_s = following or (self._goal, inf)
 
     def _wait(self, duration_s: float, blocked_m: Point) -> None:
         self._waited_s += duration_s
@@ -120,18 +124,30 @@ def new_shopper(seed: int, number: int) -> Person:
     return Person(f"person {number}", (x_m + KEEP_RIGHT_M, y_m), random.uniform(0.6, 1.3), _Shopping(random))
 
 
-def new_visitor(at_m: Point, ends_m: Sequence[Point], times: int, leave_to_m: Point) -> Person:
-    """Return a person who walks to a place, crosses it several times, and leaves.
+def new_visitor(
+    at_m: Point, ends_m: Sequence[Point], times: int, leave_to_m: Point, *, other_exit_m: Point | None = None
+) -> Person:
+    """Return a person who walks to a place, crosses it several times, and goes away.
 
     If the robot is in the way, the person turns back, and makes one crossing less.
+
+    Args:
+        at_m: the place of the person.
+        ends_m: the ends of each crossing.
+        times: the number of crossings.
+        leave_to_m: the last place.
+        other_exit_m: a second exit. The person leaves the shop by the exit to which the robot is not in the way. None
+            for a person who stays at `leave_to_m`.
     """
     remaining_ends = iter([ends_m[index % len(ends_m)] for index in range(times)])
 
-    def plan(_: Point, __: Point | None) -> Plan:
+    exits_m = [exit_m for exit_m in (leave_to_m, other_exit_m) if exit_m is not None]
+
+    def plan(from_m: Point, blocked_m: Point | None) -> Plan:
         for end in remaining_ends:
             yield end, 1.0
-        while True:
-            yield leave_to_m, 3600.0
+        exit_m = min(exits_m, key=lambda exit_m: _is_beyond(from_m, blocked_m, exit_m))
+        yield exit_m, inf if other_exit_m is None else 0.0
 
     return Person("visitor", at_m, 1.0, plan)
 

@@ -69,6 +69,8 @@ class StoreSettings:
         second_area: the target of the container in the second order.
         battery_percent: the battery level when the shop opens.
         drain: a factor on the battery's consumption.
+        charge: a factor on the speed of charging.
+        spare_containers: how many containers are in the back room.
     """
 
     seed: int = 1
@@ -78,6 +80,8 @@ class StoreSettings:
     second_area: str = "area_2"
     battery_percent: float = 100.0
     drain: float = 1.0
+    charge: float = 1.0
+    spare_containers: int = 1
 
 
 def beginning(settings: StoreSettings) -> Beginning:
@@ -91,16 +95,17 @@ def beginning(settings: StoreSettings) -> Beginning:
     }
     at = first_places.get(settings.situation)
     situation_containers = () if at is None else (Container(name="container_1", at=at, load=_first_load(settings)),)
-    other_containers = (
-        Container(name="container_2", at=SUPPLY.places[0]),
-        Container(name="container_3", at=SUPPLY.places[0], where=Whereabouts.BACK_ROOM),
+    spare_containers = (
+        Container(name=f"container_{number + 3}", at=SUPPLY.places[0], where=Whereabouts.BACK_ROOM)
+        for number in range(settings.spare_containers)
     )
     return Beginning(
         seed=settings.seed,
-        containers=(*situation_containers, *other_containers),
+        containers=(*situation_containers, Container(name="container_2", at=SUPPLY.places[0]), *spare_containers),
         people=tuple(new_shopper(settings.seed, number) for number in range(settings.shoppers)),
         battery_percent=settings.battery_percent,
         drain=settings.drain,
+        charge=settings.charge,
     )
 
 
@@ -113,32 +118,43 @@ STAFF_S = 60.0
 """The time until the staff take a delivered container away, or refill the empty supply."""
 
 
+class Clearing:
+    """Takes the containers that are set down at a place to the back room, where they are emptied."""
+
+    def __init__(self, world: StoreWorld, place: Pose2D) -> None:
+        """Begin the work at a place."""
+        self._world = world
+        self._place = place
+        self._since_s: float | None = None
+
+    def see(self, state: StoreState) -> None:
+        """Do the work of this step."""
+        container = container_at(state, self._place)
+        self._since_s = _true_since_s(self._since_s, state, container is not None)
+        if container is not None and _is_due(self._since_s, state):
+            self._world.set_load(container.name, Load.EMPTY)
+            self._world.move_container(container.name, container.at, Whereabouts.BACK_ROOM)
+
+
 class Staff:
-    """Takes delivered containers to the back room, where they are emptied, and empty ones to the supply."""
+    """Takes delivered containers away, and empty ones from the back room to the supply."""
 
     def __init__(self, world: StoreWorld) -> None:
         """Begin the work."""
         self._world = world
-        self._delivered_since_s: float | None = None
+        self._delivery = Clearing(world, DELIVERY.places[0])
         self._supply_free_since_s: float | None = None
 
     def see(self, state: StoreState) -> None:
         """Do the work of this step."""
-        delivered_container = container_at(state, DELIVERY.places[0])
-        self._delivered_since_s = _true_since_s(self._delivered_since_s, state, delivered_container is not None)
-        if delivered_container is not None and self._is_due(self._delivered_since_s, state):
-            self._world.set_load(delivered_container.name, Load.EMPTY)
-            self._world.move_container(delivered_container.name, delivered_container.at, Whereabouts.BACK_ROOM)
+        self._delivery.see(state)
         is_free = container_at(state, SUPPLY.places[0]) is None and state.robot.at.distance_m(SUPPLY.places[0]) > 3.0
         self._supply_free_since_s = _true_since_s(self._supply_free_since_s, state, is_free)
         spare_container = next(
             (container for container in state.containers if container.where is Whereabouts.BACK_ROOM), None
         )
-        if spare_container is not None and self._is_due(self._supply_free_since_s, state):
+        if spare_container is not None and _is_due(self._supply_free_since_s, state):
             self._world.move_container(spare_container.name, SUPPLY.places[0], Whereabouts.FLOOR)
-
-    def _is_due(self, since_s: float | None, state: StoreState) -> bool:
-        return since_s is not None and state.instant_s - since_s >= STAFF_S
 
 
 class Pickers:
@@ -224,6 +240,10 @@ def _always(_: StoreState) -> bool:
 
 def _is_carrying(state: StoreState) -> bool:
     return state.carried_container() is not None
+
+
+def _is_due(since_s: float | None, state: StoreState) -> bool:
+    return since_s is not None and state.instant_s - since_s >= STAFF_S
 
 
 def _true_since_s(since_s: float | None, state: StoreState, is_true: bool) -> float | None:

@@ -51,6 +51,7 @@ class Beginning:
     Attributes:
         seed: the seed of everything random.
         drain: a factor on the battery's consumption.
+        charge: a factor on the speed of charging.
     """
 
     seed: int
@@ -59,6 +60,7 @@ class Beginning:
     robot: Pose2D = START
     battery_percent: float = 100.0
     drain: float = 1.0
+    charge: float = 1.0
 
 
 class StoreWorld:
@@ -74,7 +76,7 @@ class StoreWorld:
         self.body = Cary(self)
         self._clock = clock
         self._start_s = clock.now_s()
-        self._seed, self._drain = beginning.seed, beginning.drain
+        self._seed, self._drain, self._charge = beginning.seed, beginning.drain, beginning.charge
         self._people = list(beginning.people)
         self._driving = Driving()
         self._load_pose: Pose2D | None = None
@@ -159,13 +161,17 @@ class StoreWorld:
         self.report_ended_commands()
 
     def _is_moving(self) -> bool:
+        """Return whether the motion layer has to decide. With an empty battery, the brakes hold the robot."""
         robot = self._state.robot
-        return self._driving.is_at_work or robot.speed_m_s != 0.0 or robot.turn_rate_rad_s != 0.0
+        return robot.battery_percent > 0.0 and (
+            self._driving.is_at_work or robot.speed_m_s != 0.0 or robot.turn_rate_rad_s != 0.0
+        )
 
     def _walk(self) -> None:
         boxes = self._state.footprint()
         for person in self._people:
             person.step(STEP_S, lambda point: min(box.distance_m(point) for box in boxes))
+        self._people = [person for person in self._people if not person.has_left]
         self._state = self._refreshed_state(self._state)
 
     def _refreshed_state(self, state: StoreState) -> StoreState:
@@ -237,7 +243,7 @@ class StoreWorld:
 
     def _next_battery_percent(self, robot: RobotState, is_docked: bool) -> float:
         if is_docked:
-            return min(100.0, robot.battery_percent + CHARGE_PERCENT_PER_MIN / 60 * STEP_S)
+            return min(100.0, robot.battery_percent + CHARGE_PERCENT_PER_MIN * self._charge / 60 * STEP_S)
         motion_percent = abs(robot.speed_m_s) * DRIVE_PERCENT_PER_M + abs(robot.turn_rate_rad_s) * TURN_PERCENT_PER_RAD
         used_percent = IDLE_PERCENT_PER_MIN / 60 + motion_percent * (
             LOADED_FACTOR if self._load_pose is not None else 1.0

@@ -36,6 +36,8 @@ CALM = {
     "loaded": 0.0,
     "battery_level": 80.0,
     "battery_drain": 0.5,
+    "charging": 0.0,
+    "crowding": 0.0,
     "container_load": 0.0,
     "full_on_fork": 0.0,
     "people_at_container": 0.0,
@@ -71,7 +73,7 @@ def test_a_full_container_on_the_fork_goes_to_the_general_delivery_pose() -> Non
 
 def test_a_person_close_to_a_robot_that_picks_up_halves_safety_and_sends_it_to_the_start() -> None:
     assert metrics(picking_up=1.0, person_distance=1.5)["safety"] == pytest.approx(0.5)
-    assert heaviest_action(picking_up=1.0, person_distance=1.5) == "start"
+    assert heaviest_action(picking_up=1.0, person_distance=1.5, crowding=1.0) == "start"
 
 
 def test_a_person_at_an_empty_container_halves_safety_and_a_load_or_more_people_lower_it_further() -> None:
@@ -81,10 +83,17 @@ def test_a_person_at_an_empty_container_halves_safety_and_a_load_or_more_people_
     among_several = [metrics(picking_up=1.0, people_at_container=count)["safety"] for count in (2.0, 3.0, 20.0)]
 
     assert at_empty == pytest.approx(0.5)
-    assert at_loading == at_full < 0.2
-    assert among_several == [at_full] * 3
-    assert heaviest_action(picking_up=1.0, people_at_container=1.0) == "start"
-    assert heaviest_action(picking_up=1.0, people_at_container=1.0, container_load=2.0) == "start"
+    assert at_empty > at_loading == at_full > among_several[0]
+    assert among_several == [pytest.approx(0.1857, abs=1e-4)] * 3
+    assert heaviest_action(picking_up=1.0, people_at_container=1.0, crowding=1.0) == "start"
+    assert heaviest_action(picking_up=1.0, people_at_container=1.0, container_load=2.0, crowding=1.0) == "start"
+
+
+def test_one_person_who_passes_does_not_end_a_pick_up_but_several_do() -> None:
+    assert heaviest_action(picking_up=1.0, people_at_container=1.0, crowding=0.4) == "pick"
+    assert heaviest_action(picking_up=1.0, people_at_container=1.0, container_load=2.0, crowding=0.4) == "pick"
+    assert heaviest_action(picking_up=1.0, person_distance=1.0, crowding=0.4) == "pick"
+    assert heaviest_action(picking_up=1.0, people_at_container=2.0, crowding=0.0) == "start"
 
 
 def test_people_at_a_container_do_not_stop_a_robot_that_drives() -> None:
@@ -99,6 +108,18 @@ def test_a_battery_that_runs_low_sends_it_to_charge() -> None:
     assert heaviest_action(battery_level=12.0) == "dock"
 
 
+def test_a_battery_that_drains_fast_sends_it_to_charge_earlier() -> None:
+    """P2, section 5.2: a mission is aborted if the power autonomy decreases quickly."""
+    assert [heaviest_action(battery_level=30.0, battery_drain=drain) for drain in (4.0, 8.0)] == ["pick", "dock"]
+    assert heaviest_action(battery_level=50.0, battery_drain=8.0) == "pick"
+
+
+def test_a_truck_that_charges_stays_until_the_battery_is_charged() -> None:
+    assert [heaviest_action(battery_level=level, charging=1.0) for level in (12.0, 60.0, 90.0)] == [
+        *("dock", "dock", "pick"),
+    ]
+
+
 def test_safety_never_falls_when_a_person_goes_away() -> None:
     values = [metrics(picking_up=1.0, person_distance=step / 100.0)["safety"] for step in range(30, 600, 5)]
 
@@ -109,7 +130,9 @@ def test_safety_never_falls_when_a_person_goes_away() -> None:
     **{name: st.sampled_from((0.0, 1.0)) for name in ("bumped", "picking_up", "order_open", "loaded")},
     person_distance=st.floats(0.0, 10.0),
     battery_level=st.floats(0.0, 100.0),
-    battery_drain=st.floats(0.0, 5.0),
+    battery_drain=st.floats(0.0, 20.0),
+    charging=st.sampled_from((0.0, 1.0)),
+    crowding=st.floats(0.0, 1.0),
     container_load=st.sampled_from((0.0, 1.0, 2.0)),
     full_on_fork=st.sampled_from((0.0, 1.0)),
     people_at_container=st.integers(0, 20).map(float),
@@ -161,7 +184,7 @@ def test_every_action_has_a_branch_and_every_rate_a_loop() -> None:
     (course,) = MAPE.courses
 
     assert tuple(mission.branches) == course.choose
-    assert [loop.rates for loop in MAPE.loops] == [("battery_drain",), ()]
+    assert [loop.rates for loop in MAPE.loops] == [("battery_drain", "crowding"), ()]
     assert MAPE.rates[0].factor == pytest.approx(-60.0)
 
 
@@ -254,7 +277,7 @@ def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
             clock.sleep(0.5)
         calm_values = codra.get("course").value, codra.get("max_speed").value
         planners["picking"].set("picking_up", True)
-        for _ in range(40):
+        for _ in range(60):
             set_context(person_distance=1.2)
             clock.sleep(0.5)
 
@@ -267,7 +290,7 @@ def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
 def _set_context(agents: dict[str, object], *, person_distance: float) -> None:
     values_by_agent = {
         "localisation": {"pose_spread": 0.03},
-        "navigation": {"battery_level": 80.0, "bumped": False},
+        "navigation": {"battery_level": 80.0, "bumped": False, "charging": False},
         "person_detection": {"person_distance": person_distance},
         "lasers": {"strange_gap": person_distance - 0.7},
         "fork": {"loaded": False},

@@ -18,7 +18,7 @@ from tests.runtime.journal.journals import read
 LASTS_S = {
     Situation.ORDINARY: 150.0,
     Situation.SECOND_ORDER: 262.0,
-    Situation.PEOPLE_CLOSE: 45.0,
+    Situation.PEOPLE_CLOSE: 60.0,
     Situation.HIDDEN: 70.0,
     Situation.ABSENT: 88.0,
 }
@@ -234,13 +234,14 @@ def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactu
         " instead of pick: ",
         "with a dwell time until ",
         "metric safety: 0.5",
-        "is one and container_load is empty then safety is medium: activation 1  [specs/store.yaml:",
-        "if safety is not high and loaded is false then weight_of_start is high: activation 1  [specs/store.yaml:",
+        "is nobody and person_distance is close then safety is medium: activation 1  [specs/store.yaml:",
+        "if safety is medium and crowding is persistent and loaded is false then weight_of_start is high: activation 1",
         "weight of start: 0.814285, smoothed ",
-        "people_at_container was 1, from evidence taken at ",
+        "person_distance was 0.",
+        "crowding was 0.7",
         "the branch pick ended (halted)",
-        "pick would have been kept by the weight of start = ",
-        " or picking_up = false instead of true",
+        "pick would have been kept by crowding = 0.6",
+        " or the weight of start = ",
     ):
         assert link in explanation
 
@@ -254,15 +255,16 @@ def test_why_of_a_metric_and_of_a_weight_prints_their_causes(runs: RecordedRuns)
     for link in (
         "safety has been 0.5 since ",
         "is nobody and person_distance is close then safety is medium: activation 1  [specs/store.yaml:",
-        "people_at_container was 0, from evidence taken at 0 s (nobody 1, one 0, several 0)",
-        "person_distance was 1.",
+        "people_at_container was 0, from evidence taken at ",
+        "person_distance was 0.",
         "(close 1)",
         "picking_up was true",
     ):
         assert link in of_metric
         assert link in of_weight
     assert "weight_of_start has been 0.814285 since " in of_weight
-    assert "if safety is not high and loaded is false then weight_of_start is high: activation 1" in of_weight
+    assert "if safety is medium and crowding is persistent and loaded is false then weight_of_start" in of_weight
+    assert "crowding was 0.7" in of_weight
     assert "safety was 0.5, from evidence taken at " in of_weight
 
 

@@ -1,4 +1,4 @@
-"""The value of the loops of the store: four managers in the same shop."""
+"""The value of the loops of the store: six managers in the same shop."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from codra_papers.experiments.studies.store_managers.search import Design, searc
 def experiment(design: Design, name: str, seeds: int) -> Experiment:
     """Return the experiment of a design.
 
-    The experiment searches for thresholds on some seeds, and then runs all managers on other seeds.
+    The experiment searches for thresholds and for numbers of the loops on some seeds, and then runs all managers on
+    other seeds.
     """
     return Experiment(
         name=name,
-        question="What are the loops of the store worth against no adaptation, chance, and plain thresholds?",
+        question="What do the loops of the store bring that a speed rule or tuned thresholds do not?",
         seeds=seeds,
         trials=partial(search_trials, design),
         judge=partial(judge, design),

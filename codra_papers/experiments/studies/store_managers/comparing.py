@@ -1,4 +1,4 @@
-"""The results of the managers, with confidence intervals of the differences to our manager over the same seeds."""
+"""The results of the managers, with confidence intervals of the differences between managers over the same seeds."""
 
 from __future__ import annotations
 
@@ -27,42 +27,49 @@ class Measure:
         name: the name in tables.
         key: the key in data.
         value_of: a function that returns the number for the outcome of a run.
+        is_more_better: whether a larger number is better; None if neither larger nor smaller numbers are better.
     """
 
     name: str
     key: str
     value_of: Callable[[StoreOutcome], float]
+    is_more_better: bool | None
+
+
+def _per_hour(
+    name: str, key: str, count_of: Callable[[StoreOutcome], float], *, is_more_better: bool | None
+) -> Measure:
+    return Measure(
+        name=name, key=f"{key}_per_h", value_of=lambda run: run.per_hour(count_of(run)), is_more_better=is_more_better
+    )
 
 
 MEASURES = (
-    Measure(name="Missions completed", key="missions", value_of=lambda run: run.loops),
-    Measure(name="Unsafe seconds", key="unsafe_s", value_of=lambda run: run.unsafe_s),
-    Measure(name="Aborts", key="aborts", value_of=lambda run: run.aborts),
-    Measure(
-        name="Switches per minute",
-        key="switches_per_min",
-        value_of=lambda run: run.switches / run.duration_s * 60.0,
-    ),
-    Measure(name="Orders done", key="orders_done", value_of=lambda run: run.orders.get("done", 0)),
-    Measure(name="Orders failed", key="orders_failed", value_of=lambda run: run.orders.get("failed", 0)),
-    Measure(name="Bumps", key="bumps", value_of=lambda run: run.bumps),
+    _per_hour("Missions completed", "missions", lambda run: run.loops, is_more_better=True),
+    _per_hour("Orders done", "orders_done", lambda run: run.orders.get("done", 0), is_more_better=True),
+    _per_hour("Orders failed", "orders_failed", lambda run: run.orders.get("failed", 0), is_more_better=False),
+    _per_hour("Unsafe seconds", "unsafe_s", lambda run: run.unsafe_s, is_more_better=False),
+    _per_hour("Minutes with an empty battery", "battery_empty_min", lambda run: run.empty_min, is_more_better=False),
+    _per_hour("Aborted pick-ups", "aborts", lambda run: run.aborts, is_more_better=False),
+    _per_hour("Bumps", "bumps", lambda run: run.bumps, is_more_better=False),
+    _per_hour("Changes of the course", "switches", lambda run: run.switches, is_more_better=None),
 )
-"""The first four measures answer the question of the experiment; the others are additional."""
+"""All measures are rates per hour, because shifts have different durations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureComparison:
-    """A measure of a manager, compared with our manager.
+    """A measure of a manager, compared with other managers.
 
     Attributes:
         mean: the mean over seeds.
-        difference: the mean difference to our manager, over the same seeds; None for our manager.
+        differences: for each other manager, the mean of this manager's value minus the other's over the same seeds.
     """
 
     measure: Measure
     manager: str
     mean: Estimate
-    difference: Estimate | None
+    differences: Mapping[str, Estimate]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,27 +93,29 @@ class Reactions:
     quantiles_s: Mapping[float, Estimate]
 
 
-def compare_managers(runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> Sequence[MeasureComparison]:
+def compare_managers(runs: Mapping[str, Sequence[StoreOutcome]]) -> Sequence[MeasureComparison]:
     """Return all measures of all managers.
 
     Args:
         runs: the runs of each manager, all with the same seeds in the same order.
-        ours: the name of our manager, with which the other managers are compared.
     """
-    return [_compare_measure(measure, name, runs, ours) for measure in MEASURES for name in runs]
+    return [_compare_measure(measure, name, runs) for measure in MEASURES for name in runs]
 
 
-def _compare_measure(
-    measure: Measure, name: str, runs: Mapping[str, Sequence[StoreOutcome]], ours: str
-) -> MeasureComparison:
-    values = [measure.value_of(run) for run in runs[name]]
-    our_values = [measure.value_of(run) for run in runs[ours]]
-    differences = [value - our_value for value, our_value in zip(values, our_values, strict=True)]
+def _compare_measure(measure: Measure, name: str, runs: Mapping[str, Sequence[StoreOutcome]]) -> MeasureComparison:
+    values = {manager: [measure.value_of(run) for run in manager_runs] for manager, manager_runs in runs.items()}
+    own_values = values[name]
     return MeasureComparison(
         measure=measure,
         manager=name,
-        mean=mean_interval(values),
-        difference=None if name == ours else mean_interval(differences),
+        mean=mean_interval(own_values),
+        differences={
+            other: mean_interval(
+                [value - other_value for value, other_value in zip(own_values, other_values, strict=True)]
+            )
+            for other, other_values in values.items()
+            if other != name
+        },
     )
 
 

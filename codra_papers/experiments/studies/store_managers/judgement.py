@@ -1,4 +1,4 @@
-"""The report on the trials: the table, the reactions, the grid and the pictures."""
+"""The report on the trials: the answer, the tables, the reactions, the pictures and the searches."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from codra_papers.experiments.campaign.cells import estimate_text, interval, per
 from codra_papers.experiments.campaign.document import Document, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Settings
 from codra_papers.experiments.campaign.statistics import Estimate
+from codra_papers.experiments.studies.store_managers.answering import answers
 from codra_papers.experiments.studies.store_managers.comparing import (
     MEASURES,
     QUANTILES,
@@ -21,24 +22,27 @@ from codra_papers.experiments.studies.store_managers.comparing import (
     reactions,
 )
 from codra_papers.experiments.studies.store_managers.drawing import draw_by_seed, draw_over_time
-from codra_papers.experiments.studies.store_managers.managers import (
-    LoopsManager,
-    Manager,
-    NominalManager,
-    RandomManager,
-    ThresholdManager,
-)
-from codra_papers.experiments.studies.store_managers.search import Cell, Design, best_cell, cells
+from codra_papers.experiments.studies.store_managers.managers import OURS, SPEED_ONLY, managers
+from codra_papers.experiments.studies.store_managers.search import UNSAFE_SECOND_COST, Cell, Design, best_cell, cells
 from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, StoreTrial
 
-OURS = LoopsManager().name
+REFERENCES = (SPEED_ONLY.name, OURS.name)
+"""The managers with which all other managers are compared."""
+
 NEVER = "never"
+QUESTION = "What do the loops bring that a rule does not?"
+_MAIN_MEASURES = ("missions_per_h", "orders_done_per_h", "unsafe_s_per_h", "battery_empty_min_per_h")
 
 _NOTE = (
-    "Runs of {:.0f} s. The actions of people and the orders are drawn from the seed before a run begins. All numbers "
-    "are computed from the state of the world. docs/papers/store-experiment.md has all definitions. Means are over "
-    "seeds. Each difference compares a manager with the manager 'ours' over the same seeds; its 95 % interval is "
-    "computed by the bootstrap. The intervals of marked differences do not contain zero."
+    "All counts are rates per hour, because shifts have different durations. The actions of people and the orders are "
+    "drawn from the seed before a run begins. docs/papers/store-experiment.md has all definitions. Means are over "
+    "seeds. Differences are over the same seeds, with 95 % intervals by the bootstrap; the intervals of marked "
+    "differences do not contain zero."
+)
+_ANSWER_NOTE = (
+    "The rules are the speed rule of the spec alone ('speed only'), and the tuned list of comparisons ('threshold'). "
+    "These sentences are computed: an advantage or a disadvantage is one whose paired 95 % interval does not contain "
+    "zero, so about one in twenty is expected by chance."
 )
 
 
@@ -47,76 +51,62 @@ def reported_seeds(design: Design, settings: Settings) -> range:
     return range(design.first_seed, design.first_seed + settings.seeds)
 
 
-def managers(design: Design, outcomes: Mapping[str, StoreOutcome]) -> tuple[Manager, ...]:
-    """Return the compared managers. The manager with thresholds uses the result of the search."""
-    return (
-        NominalManager(),
-        RandomManager(),
-        ThresholdManager(best_cell(cells(design, outcomes)).thresholds),
-        LoopsManager(),
-    )
-
-
 def reported_trials(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Sequence[StoreTrial]:
-    """Return the runs of all managers. The manager with thresholds uses the result of the search."""
+    """Return the runs of all managers. The tuned managers use the results of their searches."""
+    chosen_edits = {name: best_cell(cells(design, name, outcomes)).edit for name in design.grids}
     return [
-        StoreTrial(
-            name=_name(manager.name, seed),
-            spec=settings.spec,
-            seed=seed,
-            manager=manager,
-            duration_s=design.duration_s,
-        )
+        design.trial(settings, manager.name, seed, manager)
         for seed in reported_seeds(design, settings)
-        for manager in managers(design, outcomes)
+        for manager in managers(chosen_edits)
     ]
 
 
-def _name(manager: str, seed: int) -> str:
-    return f"{manager}-{seed}"
-
-
 def judge(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Document:
-    """Return the report on the outcomes of the search and of `reported_trials`."""
-    search_cells, seeds = cells(design, outcomes), reported_seeds(design, settings)
-    runs = {
-        manager.name: [outcomes[_name(manager.name, seed)] for seed in seeds]
-        for manager in managers(design, outcomes)
-        if len(seeds)
-    }
+    """Return the report on the outcomes of the searches and of `reported_trials`."""
+    searches = {name: cells(design, name, outcomes) for name in design.grids}
+    search_section = Section(title="The searches", parts=[_grid(design, *search) for search in searches.items()])
+    search_data = {name: [_cell_as_data(cell) for cell in search_cells] for name, search_cells in searches.items()}
+    runs: dict[str, list[StoreOutcome]] = {}
+    for trial in reported_trials(design, settings, outcomes):
+        runs.setdefault(trial.manager.name, []).append(outcomes[trial.name])
     if not runs:
-        return _search_document(design, search_cells)
-    table, reaction_rows = compare_managers(runs, OURS), reactions(runs)
+        return Document(
+            title="store: the searches",
+            summary=("No seed is reported.",),
+            sections=(search_section,),
+            results={"searches": search_data},
+        )
+    table, reaction_rows, seeds = compare_managers(runs), reactions(runs), reported_seeds(design, settings)
     first_runs = {name: manager_runs[0] for name, manager_runs in runs.items()}
+    drain_sentence = _drain_sentence([run for manager_runs in runs.values() for run in manager_runs])
+    sentences = tuple(answers(table))
     return Document(
         title="store: the value of the loops",
-        summary=(*_summary(table, reaction_rows), f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}."),
+        summary=(*sentences, *_summary(table, reaction_rows), drain_sentence, _seeds_sentence(seeds)),
         sections=(
+            Section(title=QUESTION, parts=[Words(text=text) for text in (*sentences, _ANSWER_NOTE)]),
             Section(
                 title="Managers",
-                parts=(Words(text=_NOTE.format(design.duration_s)), _means(table), _differences(table)),
+                parts=(
+                    Words(text=_NOTE),
+                    Words(text=drain_sentence),
+                    _means(table),
+                    *(_differences(table, reference) for reference in REFERENCES),
+                ),
             ),
             Section(title="From cause to switch", parts=(_reactions_table(reaction_rows),)),
-            Section(title="Unsafe seconds", parts=(draw_by_seed(runs),)),
+            Section(title="Seed by seed", parts=(draw_by_seed(runs, _main_measures()),)),
             Section(title="One seed", parts=(draw_over_time(first_runs),)),
-            Section(title="The search for thresholds", parts=(_grid(design, search_cells),)),
+            search_section,
         ),
         results={
+            "answers": sentences,
             "managers": _comparisons_as_data(table),
             "reactions": [_reactions_as_data(manager_reactions) for manager_reactions in reaction_rows],
-            "grid": [_cell_as_data(cell) for cell in search_cells],
-            "thresholds": _cell_as_data(best_cell(search_cells)),
+            "searches": search_data,
+            "chosen": {name: _cell_as_data(best_cell(search_cells)) for name, search_cells in searches.items()},
             "by_seed": _by_seed(runs),
         },
-    )
-
-
-def _search_document(design: Design, search_cells: Sequence[Cell]) -> Document:
-    return Document(
-        title="store: the search for thresholds",
-        summary=("No seed is reported.",),
-        sections=(Section(title="The search for thresholds", parts=(_grid(design, search_cells),)),),
-        results={"grid": [_cell_as_data(cell) for cell in search_cells]},
     )
 
 
@@ -124,19 +114,10 @@ def _search_document(design: Design, search_cells: Sequence[Cell]) -> Document:
 
 
 def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactions]) -> Iterator[str]:
-    """Yield a sentence for each of the four measures that answer the question of the experiment, and one on reactions.
-
-    The same sentences are written whatever the results are.
-    """
-    for measure in MEASURES[:4]:
-        manager_rows = _measure_rows(table, measure)
-        means = ", ".join(f"{row.manager} {_number_text(row.mean.value, 2)}" for row in manager_rows)
-        sure_rows = [row for row in manager_rows if row.difference is not None and _is_sure(row.difference)]
-        differences_text = ", ".join(
-            f"{row.manager} {interval(row.difference, 2)}" for row in sure_rows if row.difference
-        )
-        sure_text = f"differences to ours with an interval that does not contain zero: {differences_text or 'none'}"
-        yield f"{measure.name} of a run: {means}; {sure_text}."
+    """Yield the means of the main measures, and the reactions. The sentences are the same whatever the results are."""
+    for measure in _main_measures():
+        means = ", ".join(f"{row.manager} {_number_text(row.mean.value, 2)}" for row in _measure_rows(table, measure))
+        yield f"{measure.name} in an hour: {means}."
     all_cause_rows = [row for row in reaction_rows if row.cause is None]
     reactions_text = ", ".join(
         f"{row.manager} {' and '.join(_seconds_text(row.quantiles_s[q].value) for q in QUANTILES)} "
@@ -144,6 +125,22 @@ def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactio
         for row in all_cause_rows
     )
     yield f"From cause to switch, median and 99th percentile: {reactions_text}."
+
+
+def _main_measures() -> Sequence[Measure]:
+    return [measure for measure in MEASURES if measure.key in _MAIN_MEASURES]
+
+
+def _drain_sentence(runs: Sequence[StoreOutcome]) -> str:
+    known_s = sorted(run.drain_known_s for run in runs if run.drain_known_s is not None)
+    latest_text = f", at the latest {known_s[-1]:.1f} s after the beginning" if known_s else ""
+    return (
+        f"The drain of the battery (battery_drain) was identified in {len(known_s)} of {len(runs)} runs{latest_text}."
+    )
+
+
+def _seeds_sentence(seeds: Sequence[int]) -> str:
+    return f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}."
 
 
 def _is_sure(difference: Estimate) -> bool:
@@ -155,30 +152,29 @@ def _means(table: Sequence[MeasureComparison]) -> Table:
         (measure.name, *(estimate_text(row.mean, "{:.2f}".format, "-") for row in _measure_rows(table, measure)))
         for measure in MEASURES
     ]
-    header = ("Of a run", *dict.fromkeys(row.manager for row in table))
+    header = ("In an hour", *dict.fromkeys(row.manager for row in table))
     return plain_table("Means over seeds, with their intervals.", header, rows)
 
 
-def _differences(table: Sequence[MeasureComparison]) -> Table:
-    differences = {
-        measure.name: {
-            row.manager: row.difference for row in _measure_rows(table, measure) if row.difference is not None
-        }
+def _differences(table: Sequence[MeasureComparison], reference: str) -> Table:
+    names = [name for name in dict.fromkeys(row.manager for row in table) if name != reference]
+    differences = [
+        [row.differences[reference] for row in _measure_rows(table, measure) if row.manager in names]
         for measure in MEASURES
-    }
+    ]
     marked = frozenset(
         (row, column)
-        for row, manager_differences in enumerate(differences.values())
-        for column, difference in enumerate(manager_differences.values(), 1)
+        for row, measure_differences in enumerate(differences)
+        for column, difference in enumerate(measure_differences, 1)
         if _is_sure(difference)
     )
     return Table(
-        caption="The manager's value minus the value of 'ours', as the mean over seeds. If a difference is above zero, "
-        "the manager's value is larger.",
-        header=("Of a run", *next(iter(differences.values()))),
+        caption=f"The manager's value minus the value of '{reference}', as the mean over seeds. If a difference is "
+        "above zero, the manager's value is larger.",
+        header=("In an hour", *names),
         rows=[
-            (name, *(interval(difference, 2) for difference in manager_differences.values()))
-            for name, manager_differences in differences.items()
+            (measure.name, *(interval(difference, 2) for difference in measure_differences))
+            for measure, measure_differences in zip(MEASURES, differences, strict=True)
         ],
         marked=marked,
     )
@@ -210,27 +206,24 @@ def _reactions_table(reaction_rows: Sequence[Reactions]) -> Table:
     return plain_table(caption, header, rows)
 
 
-def _grid(design: Design, search_cells: Sequence[Cell]) -> Table:
+def _grid(design: Design, manager: str, search_cells: Sequence[Cell]) -> Table:
     chosen_cell = best_cell(search_cells)
     rows = [
         (
-            f"{cell.thresholds.distance_m:g}",
-            f"{cell.thresholds.battery_percent:g}",
-            cell.thresholds.load,
-            f"{cell.missions:.2f}",
-            f"{cell.unsafe_s:.2f}",
+            str(cell.edit),
+            f"{cell.missions_per_h:.2f}",
+            f"{cell.unsafe_s_per_h:.2f}",
             f"{cell.score:.3f}",
             "chosen" if cell is chosen_cell else "",
         )
         for cell in search_cells
     ]
-    header = ("Person, m", "Battery, %", "Load", "Missions", "Unsafe s", "Score", "")
     seeds = ", ".join(map(str, design.tuning_seeds))
     caption = (
-        f"The means of each cell of the grid over the seeds {seeds}. "
-        "The score is the number of missions minus a tenth of the unsafe seconds."
+        f"The cells of '{manager}': means in an hour over the seeds {seeds}. "
+        f"The score is the number of missions minus {UNSAFE_SECOND_COST:g} times the unsafe seconds."
     )
-    return plain_table(caption, header, rows)
+    return plain_table(caption, ("Cell", "Missions", "Unsafe s", "Score", ""), rows)
 
 
 def _quantile_text(value: float) -> str:
@@ -253,7 +246,10 @@ def _number_text(value: float | None, digits: int) -> str:
 def _comparisons_as_data(table: Sequence[MeasureComparison]) -> Mapping[str, Any]:
     return {
         name: {
-            row.measure.key: {"mean": _as_data(row.mean), "difference_to_ours": _as_data(row.difference)}
+            row.measure.key: {
+                "mean": _as_data(row.mean),
+                "differences": {other: _as_data(difference) for other, difference in row.differences.items()},
+            }
             for row in rows
         }
         for name, rows in groupby(sorted(table, key=lambda row: row.manager), lambda row: row.manager)
@@ -271,20 +267,16 @@ def _reactions_as_data(row: Reactions) -> Mapping[str, Any]:
     }
 
 
-def _as_data(estimate: Estimate | None) -> Mapping[str, float | str | None] | None:
-    if estimate is None:
-        return None
+def _as_data(estimate: Estimate) -> Mapping[str, float | str | None]:
     ends = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
     return {key: NEVER if end == math.inf else rounded(end, 4) for key, end in ends.items()}
 
 
 def _cell_as_data(cell: Cell) -> Mapping[str, Any]:
     return {
-        "distance_m": cell.thresholds.distance_m,
-        "battery_percent": cell.thresholds.battery_percent,
-        "load": cell.thresholds.load,
-        "missions": round(cell.missions, 4),
-        "unsafe_s": round(cell.unsafe_s, 4),
+        "cell": str(cell.edit),
+        "missions_per_h": round(cell.missions_per_h, 4),
+        "unsafe_s_per_h": round(cell.unsafe_s_per_h, 4),
         "score": round(cell.score, 4),
     }
 

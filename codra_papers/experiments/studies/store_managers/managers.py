@@ -1,211 +1,112 @@
 """The compared managers, which decide on the course and the speed (docs/papers/store-experiment.md).
 
-All managers use the same trees, agents and handshakes. Each manager replaces only the planner of the spec's loops.
+All managers use the same trees, agents and handshakes. A manager is a list of edits of the loops that the spec
+declares, so every manager is run by the same planner.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from random import Random
-from typing import Protocol
+from types import ModuleType
+from typing import Any, Protocol
 
-from codra_dsl.runtime import ValueType
-from codra_dsl.runtime.loops import (
-    Context,
-    Counterfactual,
-    CourseModel,
-    CourseState,
-    Decision,
-    LoopModel,
-    MapeModel,
-    ParameterModel,
-    Plan,
-    Planner,
-    Planners,
-    Planning,
-    Setting,
-    SwitchReason,
-)
-from codra_dsl.runtime.values.conditions import Value
-from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
+from codra_dsl.integrations.inspection import SpecError
+from codra_dsl.runtime.loops import Counterfactual, Decision, HardRuleModel, Mape, MapeModel, Planning
+from codra_dsl.runtime.values.conditions import literal
+from codra_papers.experiments.store.run import CompiledSpec
 
 NOMINAL_COURSE = "pick"
 """P2's nominal course: pick up, deliver, back to the start (section 5.1)."""
 
-SLOW_M_S, NORMAL_M_S = 0.3, 1.2
-"""The maximum speeds of the spec."""
-
-VariableTypes = Mapping[str, ValueType]
-PlanEdit = Callable[[Plan], Plan]
+NORMAL_M_S = 1.2
+"""The maximum speed of the spec while nobody is near."""
 
 
-class Manager(Protocol):
-    """Decides on the course and the speed."""
+class ModelEdit(Protocol):
+    """An edit of the loops of a spec: a frozen value, whose text describes it in reports and in names of trials."""
 
-    @property
-    def name(self) -> str:
-        """Return the name of the manager in tables."""
-        ...
-
-    def planners(self, seed: int) -> Planners:
-        """Return the factory of the manager's planners for a run with a seed."""
+    def __call__(self, model: MapeModel) -> MapeModel:
+        """Return the edited loops."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class LoopsManager:
-    """Manages with the loops of the spec."""
+class NominalCourse:
+    """Always choose the nominal course. Metrics and weights are computed, and have no influence on the course."""
 
-    name: str = "ours"
-
-    def planners(self, seed: int) -> Planners:
-        """Return the factory of the planners. These planners use no random numbers."""
-        del seed
-        return lambda model, loop, types: _OverruledPlanner(Planning(model, loop, types), _keep_plan)
+    def __call__(self, model: MapeModel) -> MapeModel:
+        """Return the loops with a rule that always holds in place of the hard rules of the courses."""
+        rule = HardRuleModel(condition=literal(True), action=NOMINAL_COURSE, text="always")
+        return replace(model, courses=tuple(replace(course, always=(rule,)) for course in model.courses))
 
 
 @dataclass(frozen=True, slots=True)
-class ThresholdManager:
-    """Manages with comparisons with thresholds, which replace both fuzzy stages."""
+class NormalSpeed:
+    """Always set the normal speed."""
 
-    thresholds: Thresholds
-    name: str = "threshold"
-
-    def planners(self, seed: int) -> Planners:
-        """Return the factory of the planners. These planners use no random numbers."""
-        del seed
-
-        def make(model: MapeModel, loop: LoopModel, types: VariableTypes) -> Planner:
-            return _OverruledPlanner(Planning(with_thresholds(model, self.thresholds), loop, types), _keep_plan)
-
-        return make
+    def __call__(self, model: MapeModel) -> MapeModel:
+        """Return the loops with a constant in place of the value of the speed."""
+        parameters = (replace(speed, value=literal(NORMAL_M_S), text=f"{NORMAL_M_S} m/s") for speed in model.parameters)
+        return replace(model, parameters=tuple(parameters))
 
 
-@dataclass(frozen=True, slots=True)
-class RandomManager:
-    """Chooses a random course at each instant at which the spec's loops would change their course."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manager:
+    """Decides on the course and the speed.
 
-    name: str = "random"
-
-    def planners(self, seed: int) -> Planners:
-        """Return the factory of the planners, which draw from the seed of the run."""
-
-        def make(model: MapeModel, loop: LoopModel, types: VariableTypes) -> Planner:
-            overrule = _RandomReplacement(Random(f"{seed} manager {loop.name}"), model.courses)
-            return _OverruledPlanner(Planning(model, loop, types), overrule)
-
-        return make
-
-
-@dataclass(frozen=True, slots=True)
-class NominalManager:
-    """Always chooses the nominal course, at the normal speed."""
-
-    name: str = "none"
-
-    def planners(self, seed: int) -> Planners:
-        """Return the factory of the planners. These planners use no random numbers."""
-        del seed
-        return lambda model, loop, types: _OverruledPlanner(
-            Planning(model, loop, types), _NominalReplacement(model.parameters)
-        )
-
-
-class _OverruledPlanner:
-    """A planner whose decisions can be replaced by a function.
-
-    The planner does not explain its decisions, because explanations take long and have no influence on decisions.
+    Attributes:
+        name: the name in tables.
+        edits: the edits of the loops of the spec; none for the loops as they are declared.
     """
 
-    def __init__(self, planning: Planning, overrule: PlanEdit) -> None:
-        self._planning = planning
-        self._overrule = overrule
-        self.model = planning.model
-        self.courses: Mapping[str, CourseModel] = planning.courses
-        self.decisions: Mapping[str, Sequence[Decision]] = {name: [] for name in planning.courses}
+    name: str
+    edits: Sequence[ModelEdit] = ()
 
-    def resume(self) -> None:
-        self._planning.resume()
+    def edited(self, model: MapeModel) -> MapeModel:
+        """Return the loops of the spec after all edits."""
+        for edit in self.edits:
+            model = edit(model)
+        return model
 
-    def course_state(self, course: str) -> CourseState:
-        return self._planning.course_state(course)
+    def managed_spec(self, package: ModuleType) -> CompiledSpec:
+        """Return a compiled spec whose loops are those of this manager.
 
-    def watches(self) -> tuple[str, ...]:
-        return self._planning.watches()
+        Raises:
+            SpecError: if the spec has no loops.
+        """
+        if not hasattr(package, "MAPE"):
+            raise SpecError("the spec has no loops, so no managers can be compared")
+        model = self.edited(package.MAPE)
 
-    def plan(self, context: Context, now_s: float) -> Plan:
-        plan = self._overrule(self._planning.plan(context, now_s))
-        for decision in plan.decisions:
-            self.decisions = {**self.decisions, decision.course: [*self.decisions[decision.course], decision]}
-        return plan
+        def start_loops(codra: Any, **options: Any) -> Mape:
+            return Mape(codra, model, planner=_UnexplainedPlanning, **options)
+
+        return CompiledSpec(start=package.start, loops=start_loops)
+
+
+NONE = Manager(name="none", edits=(NominalCourse(), NormalSpeed()))
+SPEED_ONLY = Manager(name="speed only", edits=(NominalCourse(),))
+COURSE_ONLY = Manager(name="course only", edits=(NormalSpeed(),))
+OURS = Manager(name="ours")
+THRESHOLD, OURS_TUNED = "threshold", "ours tuned"
+"""The names of the managers with one more edit, which is the result of a search."""
+
+
+def managers(chosen_edits: Mapping[str, ModelEdit]) -> Sequence[Manager]:
+    """Return the compared managers, in the order of tables.
+
+    Args:
+        chosen_edits: for each of `THRESHOLD` and `OURS_TUNED`, the result of its search.
+    """
+    threshold, ours_tuned = (Manager(name=name, edits=(chosen_edits[name],)) for name in (THRESHOLD, OURS_TUNED))
+    return (NONE, SPEED_ONLY, COURSE_ONLY, threshold, OURS, ours_tuned)
+
+
+class _UnexplainedPlanning(Planning):
+    """Planning without explanations, which take long and have no influence on decisions."""
 
     def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
+        """Return no changes that would have kept the course."""
         del decision
         return ()
-
-
-def _keep_plan(plan: Plan) -> Plan:
-    return plan
-
-
-class _NominalReplacement:
-    """Replaces the first decision by one for the nominal course and the normal speed, and drops all later decisions."""
-
-    def __init__(self, parameters: Sequence[ParameterModel]) -> None:
-        self._parameters = parameters
-        self._has_begun = False
-
-    def __call__(self, plan: Plan) -> Plan:
-        if self._has_begun or not plan.decisions:
-            return replace(plan, decisions=(), settings=())
-        self._has_begun = True
-        (first,) = plan.decisions
-        settings = tuple(_first_setting(parameter, NORMAL_M_S, first) for parameter in self._parameters)
-        return replace(plan, decisions=(_replace_decision(first, NOMINAL_COURSE, ""),), settings=settings)
-
-
-class _RandomReplacement:
-    """Replaces each decision by a random course or speed."""
-
-    def __init__(self, random: Random, courses: Sequence[CourseModel]) -> None:
-        self._random = random
-        self._choices = {course.name: course.choose for course in courses}
-        self._actions: dict[str, str] = {}
-        self._values: dict[str, Value] = {}
-
-    def __call__(self, plan: Plan) -> Plan:
-        decisions = map(self._decision, plan.decisions)
-        settings = map(self._setting, plan.settings)
-        return replace(
-            plan,
-            decisions=tuple(decision for decision in decisions if decision is not None),
-            settings=tuple(setting for setting in settings if setting is not None),
-        )
-
-    def _decision(self, decision: Decision) -> Decision | None:
-        before = self._actions.get(decision.course, "")
-        action = self._actions[decision.course] = self._random.choice(self._choices[decision.course])
-        return None if action == before else _replace_decision(decision, action, before)
-
-    def _setting(self, setting: Setting) -> Setting | None:
-        before = self._values.get(setting.parameter.name)
-        value = self._values[setting.parameter.name] = self._random.choice((SLOW_M_S, NORMAL_M_S))
-        return None if value == before else replace(setting, value=value, before=before)
-
-
-def _replace_decision(decision: Decision, action: str, before: str) -> Decision:
-    return replace(decision, action=action, before=before, because=SwitchReason.PLANNER, rule=None)
-
-
-def _first_setting(parameter: ParameterModel, value: Value, decision: Decision) -> Setting:
-    return Setting(
-        instant_s=decision.instant_s,
-        parameter=parameter,
-        value=value,
-        before=None,
-        since_s=-math.inf,
-        is_urgent=False,
-        assessment=decision.assessment,
-    )

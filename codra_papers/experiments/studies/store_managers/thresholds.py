@@ -12,12 +12,15 @@ from codra_dsl.runtime.loops.fuzzy import BoundedInference, Bounds, Inference
 VariableValues = Mapping[str, float]
 """The value of each variable. NaN stands for an unknown value; no comparison with NaN is true."""
 
+CHARGED_PERCENT = 80.0
+"""A battery that is being charged is charged at least to this level."""
+
 _FULL_SAFETY, _HALF_SAFETY, _NO_SAFETY = 1.0, 0.5, 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thresholds:
-    """The thresholds of the comparisons.
+    """The thresholds of the comparisons. As an edit of the loops, they replace both fuzzy stages.
 
     Attributes:
         distance_m: a person nearer than this is close.
@@ -28,6 +31,26 @@ class Thresholds:
     distance_m: float
     battery_percent: float
     load: str
+
+    def __str__(self) -> str:
+        """Return the thresholds for tables."""
+        return f"person {self.distance_m:g} m, battery {self.battery_percent:g} percent, load {self.load}"
+
+    def __call__(self, model: MapeModel) -> MapeModel:
+        """Return the loops of the store with comparisons in place of the fuzzy stages."""
+        assert model.metrics is not None
+        assert model.actions is not None
+        inputs = {
+            model_input.variable: model_input
+            for stage in (model.metrics, model.actions)
+            for model_input in stage.inputs
+        }
+        load = inputs["container_load"].members.index(self.load)
+        return replace(
+            model,
+            metrics=_stage(inputs, model.metrics.outputs, _metric_lists(self)),
+            actions=_stage(inputs, model.actions.outputs, (_action_lines(load),)),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,26 +67,6 @@ class Line:
     reads: tuple[str, ...]
     output_values: Mapping[str, float]
     holds: Callable[[VariableValues], bool]
-
-
-def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
-    """Return the loops of the store with comparisons in place of the fuzzy stages; everything else is unchanged.
-
-    Args:
-        model: the loops of `specs/store.yaml`.
-        thresholds: the thresholds of the comparisons.
-    """
-    assert model.metrics is not None
-    assert model.actions is not None
-    inputs = {
-        model_input.variable: model_input for stage in (model.metrics, model.actions) for model_input in stage.inputs
-    }
-    load = inputs["container_load"].members.index(thresholds.load)
-    return replace(
-        model,
-        metrics=_stage(inputs, model.metrics.outputs, _metric_lists(thresholds)),
-        actions=_stage(inputs, model.actions.outputs, (_action_lines(load),)),
-    )
 
 
 def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
@@ -105,6 +108,12 @@ def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
                 reads=("battery_level",),
                 output_values={"power_autonomy": 0.0},
                 holds=lambda n: n["battery_level"] < low_percent,
+            ),
+            Line(
+                text=f"charging and battery_level < {CHARGED_PERCENT:g}",
+                reads=("charging", "battery_level"),
+                output_values={"power_autonomy": 0.0},
+                holds=lambda n: n["charging"] > 0.5 and n["battery_level"] < CHARGED_PERCENT,
             ),
             _default_line({"power_autonomy": 1.0}),
         ),

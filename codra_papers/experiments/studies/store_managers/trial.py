@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from codra_dsl.integrations.inspection import SpecError, compile_and_load
-from codra_dsl.runtime.journal import EventLog, Kind
-from codra_dsl.runtime.loops import Mape
+from codra_dsl.integrations.inspection import compile_and_load
+from codra_dsl.runtime.journal import Event, EventLog, Kind
 from codra_papers.experiments.store.curves import curves
-from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings, run_store
+from codra_papers.experiments.store.run import StoreRun, StoreRunSettings, run_store
 from codra_papers.experiments.studies.store_managers.managers import Manager
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.simulator.store import Store
 
-RUN_DURATION_S = 300.0
-
 COURSE = "course"
 FETCHING = "fetching"
-SHOWN_VARIABLES = ("safety", "weight_of_pick", "weight_of_deliver", "weight_of_start", "weight_of_dock")
+DRAIN = "battery_drain"
+BATTERY = "battery_level"
+SHOWN_VARIABLES = (BATTERY, "safety", "weight_of_pick", "weight_of_deliver", "weight_of_start", "weight_of_dock")
 """The variables that are stored to be drawn."""
 
 Curve = Sequence[tuple[float, float | None]]
@@ -47,6 +45,8 @@ class StoreOutcome:
         gaps_m: the distance to the nearest person, second by second.
         curves: the metrics and weights for pictures, as pairs of an instant and the value from this instant on; None
             for an unknown value.
+        battery_empty_s: when the battery became empty, which ended the work; None if it did not.
+        drain_known_s: the first instant at which `battery_drain` was known; None if it never was.
     """
 
     name: str
@@ -64,6 +64,8 @@ class StoreOutcome:
     unsafe: Sequence[Span]
     gaps_m: Curve
     curves: Mapping[str, Curve]
+    battery_empty_s: float | None = None
+    drain_known_s: float | None = None
     error: str | None = None
     frames: int = 0
 
@@ -71,6 +73,15 @@ class StoreOutcome:
     def switches(self) -> int:
         """Return how often the course changed; the first choice is not a change."""
         return max(len(self.courses) - 1, 0)
+
+    @property
+    def empty_min(self) -> float:
+        """Return for how many minutes the battery was empty."""
+        return 0.0 if self.battery_empty_s is None else (self.duration_s - self.battery_empty_s) / 60.0
+
+    def per_hour(self, count: float) -> float:
+        """Return a count of the run as a rate per hour, because shifts have different durations."""
+        return count / self.duration_s * 3600.0
 
     def files(self) -> Sequence[str]:
         """Return an empty sequence, because the outcome is complete without files."""
@@ -96,20 +107,33 @@ def _pairs(points: Sequence[Sequence[Any]]) -> Curve:
     return [(at_s, value) for at_s, value in points]
 
 
+class _CountedEvents(EventLog):
+    """All events of the names that outcomes are computed from, however long the run."""
+
+    names = frozenset({COURSE, FETCHING, DRAIN, *SHOWN_VARIABLES})
+
+    def __init__(self) -> None:
+        super().__init__(limit=math.inf)
+
+    def add(self, event: Event) -> None:
+        if event.name in self.names:
+            super().add(event)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreTrial:
     """One run.
 
     Attributes:
         manager: the manager that decides on the course and the speed.
-        duration_s: the duration of the run.
+        duration_s: the duration of the run; None for the duration of the seed's shift.
     """
 
     name: str
     spec: Path
     seed: int
     manager: Manager
-    duration_s: float = RUN_DURATION_S
+    duration_s: float | None = None
 
     @property
     def draws_frames(self) -> bool:
@@ -117,39 +141,45 @@ class StoreTrial:
         return False
 
     def run(self, folder: Path) -> StoreOutcome:
-        """Run the shop, and return the outcome. Nothing else is stored.
+        """Run the shop until the shift is over or the battery is empty, and return the outcome. Nothing else is stored.
 
         Raises:
             SpecError: if the spec has errors, or has no loops.
         """
         del folder
         watches: list[Watch] = []
+        shift = shift_of(self.seed)
+        duration_s = shift.duration_s if self.duration_s is None else self.duration_s
 
         def on_opened(store: Store) -> None:
             knowledge = store.knowledge
-            Staging(shift_of(self.seed), store)
+            Staging(shift, store)
             watches.append(Watch(lambda: knowledge.snapshot().handover(FETCHING).is_open))
             store.world.watch(watches[0].see)
 
         with tempfile.TemporaryDirectory(prefix="codra-") as build_folder:
-            compiled = managed_spec(compile_and_load(self.spec, Path(build_folder)).package, self.manager, self.seed)
+            compiled = self.manager.managed_spec(compile_and_load(self.spec, Path(build_folder)).package)
             settings = StoreRunSettings(
-                shop=shift_of(self.seed).settings(), duration_s=self.duration_s, on_opened=on_opened
+                shop=shift.settings(),
+                duration_s=duration_s,
+                record=_CountedEvents(),
+                on_opened=on_opened,
+                is_over=lambda: watches[0].battery_empty_s is not None,
             )
             run = run_store(compiled, settings)
-        return self._outcome(run, watches[0])
+        return self._outcome(run, watches[0], duration_s)
 
     def outcome(self, text: str) -> StoreOutcome:
         """Return the outcome from the JSON text that its `to_json` returned."""
         return StoreOutcome.from_json(text)
 
-    def _outcome(self, run: StoreRun, watch: Watch) -> StoreOutcome:
+    def _outcome(self, run: StoreRun, watch: Watch, duration_s: float) -> StoreOutcome:
         courses = courses_of(run.record)
         return StoreOutcome(
             name=self.name,
             seed=self.seed,
             manager=self.manager.name,
-            duration_s=run.duration_s,
+            duration_s=duration_s,
             loops=run.score.missions,
             orders=run.orders,
             aborts=sum(event.what == "aborted" for event in run.record.of(Kind.KNOWLEDGE, FETCHING)),
@@ -157,32 +187,23 @@ class StoreTrial:
             driven_m=round(run.score.driven_m, 3),
             unsafe_s=run.score.unsafe_s,
             courses=courses,
-            called=calls(watch.causes, courses, run.duration_s),
+            called=calls(watch.causes, courses, duration_s),
             unsafe=watch.unsafe,
             gaps_m=watch.gaps_m,
             curves={name: _thin_curve(curve) for name, curve in curves(run.record, SHOWN_VARIABLES).items()},
+            battery_empty_s=watch.battery_empty_s,
+            drain_known_s=_first_known_s(curves(run.record, [DRAIN])[DRAIN]),
         )
-
-
-def managed_spec(package: ModuleType, manager: Manager, seed: int) -> CompiledSpec:
-    """Return a compiled spec in which the loops use a manager's planners.
-
-    Raises:
-        SpecError: if the spec has no loops.
-    """
-    if not hasattr(package, "MAPE"):
-        raise SpecError("the spec has no loops, so no managers can be compared")
-    return CompiledSpec(start=package.start, loops=partial(_loops, package.MAPE, manager, seed))
-
-
-def _loops(model: Any, manager: Manager, seed: int, codra: Any, **options: Any) -> Mape:
-    return Mape(codra, model, planner=manager.planners(seed), **options)
 
 
 def courses_of(record: EventLog) -> Sequence[tuple[float, str]]:
     """Return the chosen courses, and when they were chosen."""
     chosen_events = [event for event in record.of(Kind.ADAPTATION, COURSE) if event.what == "chosen"]
     return [(event.instant_s, str(event.details["action"])) for event in chosen_events]
+
+
+def _first_known_s(curve: Sequence[tuple[float, float]]) -> float | None:
+    return next((at_s for at_s, value in curve if value == value), None)
 
 
 def _thin_curve(curve: Sequence[tuple[float, float]]) -> Curve:

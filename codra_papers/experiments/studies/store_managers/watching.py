@@ -93,6 +93,7 @@ class Watch:
         causes: pairs of an instant and the cause for another course from this instant on; None for no cause.
         unsafe: when the robot moved fast near a person.
         gaps_m: the distance to the nearest person, second by second.
+        battery_empty_s: when the battery became empty; None if it did not.
     """
 
     def __init__(self, is_fetching: Callable[[], bool]) -> None:
@@ -100,10 +101,13 @@ class Watch:
         self.causes: list[tuple[float, Cause | None]] = []
         self.unsafe: list[Span] = []
         self.gaps_m: list[tuple[float, float]] = []
+        self.battery_empty_s: float | None = None
         self._is_fetching = is_fetching
 
     def see(self, state: StoreState) -> None:
         """Record one more step."""
+        if self.battery_empty_s is None and state.robot.battery_percent <= 0.0:
+            self.battery_empty_s = state.instant_s
         cause = cause_of(state, is_fetching=self._is_fetching())
         if not self.causes or self.causes[-1][1] is not cause:
             self.causes.append((state.instant_s, cause))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from codra_papers.experiments.campaign.seeds import PROTOCOL_COMMIT, SEEDS_PER_EXPERIMENT, reported_seeds
+from codra_papers.experiments.campaign.seeds import PROTOCOL_COMMITS, SEEDS_PER_EXPERIMENT, reported_seeds
 
 ROOT = Path(__file__).parents[4]
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -40,8 +40,17 @@ def test_an_experiment_cannot_take_the_seeds_of_the_next_one() -> None:
         reported_seeds("lab-robustness", SEEDS_PER_EXPERIMENT + 1)
 
 
-def test_the_page_of_the_protocol_names_its_commit_completely() -> None:
-    page = (ROOT / "docs" / "papers" / "protocol.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("page_name", "experiment"),
+    [("protocol.md", "lab-robustness"), ("protocol.md", "lab-sensitivity"), ("store-experiment.md", "store")],
+)
+def test_the_page_of_a_protocol_names_its_commit_completely(page_name: str, experiment: str) -> None:
+    page = (ROOT / "docs" / "papers" / page_name).read_text(encoding="utf-8")
 
-    assert len(PROTOCOL_COMMIT) == 40
-    assert f"commit `{PROTOCOL_COMMIT}`" in page
+    assert len(PROTOCOL_COMMITS[experiment]) == 40
+    assert f"commit `{PROTOCOL_COMMITS[experiment]}`" in page
+
+
+def test_the_seeds_of_a_report_follow_from_the_commit_of_its_protocol() -> None:
+    for experiment, commit in PROTOCOL_COMMITS.items():
+        assert reported_seeds(experiment, 20) == reported_seeds(experiment, 20, commit)

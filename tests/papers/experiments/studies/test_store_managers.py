@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -14,35 +13,55 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.integrations.inspection import SpecError
-from codra_dsl.runtime import Reading, Reason
-from codra_dsl.runtime.loops import Plan, Planner, SwitchReason, assess
+from codra_dsl.runtime import Reading, Reason, SimClock
+from codra_dsl.runtime.loops import Plan, Planning, assess
 from codra_dsl.runtime.loops.observations import Observation
 from codra_dsl.runtime.values.conditions import Value
+from codra_papers.experiments.campaign.seeds import reported_seeds
 from codra_papers.experiments.campaign.statistics import quantile_interval
 from codra_papers.experiments.store.run import StoreRunSettings, run_store
+from codra_papers.experiments.studies.store_managers import trial
+from codra_papers.experiments.studies.store_managers.answering import answers
 from codra_papers.experiments.studies.store_managers.comparing import compare_managers, reactions
+from codra_papers.experiments.studies.store_managers.loop_parameters import LoopParameters
 from codra_papers.experiments.studies.store_managers.managers import (
+    COURSE_ONLY,
+    NONE,
     NORMAL_M_S,
-    SLOW_M_S,
-    LoopsManager,
+    OURS,
+    OURS_TUNED,
+    SPEED_ONLY,
+    THRESHOLD,
     Manager,
-    NominalManager,
-    RandomManager,
-    ThresholdManager,
+    managers,
 )
-from codra_papers.experiments.studies.store_managers.search import Design, best_cell, cells
-from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
-from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
-from codra_papers.experiments.studies.store_managers.trial import RUN_DURATION_S, StoreOutcome, courses_of, managed_spec
+from codra_papers.experiments.studies.store_managers.search import GRIDS, Design, best_cell, cells
+from codra_papers.experiments.studies.store_managers.shift import (
+    MAX_DURATION_S,
+    MIN_DURATION_S,
+    PlannedOrder,
+    Shift,
+    Staging,
+    Visit,
+    shift_of,
+)
+from codra_papers.experiments.studies.store_managers.thresholds import Thresholds
+from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, courses_of
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.geometry import Point, Pose2D
+from codra_papers.store.layout import AREAS
+from codra_papers.store.simulator.situations import OrderKind
 from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 from generated import lab, store
 
+SPEC = Path(__file__).parents[4] / "specs/store.yaml"
 THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
-TUNED_MAPE = with_thresholds(store.MAPE, THRESHOLDS)
-MANAGERS: tuple[Manager, ...] = (NominalManager(), RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager())
+THRESHOLD_MAPE = THRESHOLDS(store.MAPE)
+MANAGERS = {
+    manager.name: manager for manager in managers({THRESHOLD: THRESHOLDS, OURS_TUNED: LoopParameters(hold_s=8.0)})
+}
+SLOW_M_S = 0.3
 CALM_VALUES: Mapping[str, Value | None] = {
     "bumped": False,
     "person_distance": 10.0,
@@ -56,6 +75,9 @@ CALM_VALUES: Mapping[str, Value | None] = {
     "full_on_fork": False,
     "battery_level": 80.0,
     "battery_drain": 0.5,
+    "charging": False,
+    "crowded": False,
+    "crowding": 0.0,
 }
 
 
@@ -81,21 +103,21 @@ class WrittenContext:
         return Reading(name=name, content=value, evidence_s=0.0)
 
 
-def planner(manager: Manager, seed: int = 1) -> Planner:
+def planning(manager: Manager) -> Planning:
     mission = next(loop for loop in store.MAPE.loops if loop.name == "mission")
-    return manager.planners(seed)(
-        store.MAPE, mission, {variable.name: variable.type for variable in store.MODEL.variables}
-    )
+    types = {variable.name: variable.type for variable in store.MODEL.variables}
+    return Planning(manager.edited(store.MAPE), mission, types)
 
 
 @cache
-def plans(manager: Manager, seed: int = 1, cycles: int = 6) -> list[tuple[float, Plan]]:
+def plans(manager: Manager, cycles: int = 6) -> list[tuple[float, Plan]]:
     """Return the plans of a manager while a person is repeatedly close for 10 s and far away for 10 s."""
-    context, manager_planner = WrittenContext({**CALM_VALUES, "picking_up": True}), planner(manager, seed)
+    context, planner = WrittenContext({**CALM_VALUES, "picking_up": True}), planning(manager)
     timed_plans = []
     for step in range(cycles * 200):
-        context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
-        timed_plans.append((step * 0.1, manager_planner.plan(context, step * 0.1)))
+        is_close = bool(step // 100 % 2)
+        context.values |= {"person_distance": 1.0 if is_close else 10.0, "crowded": is_close}
+        timed_plans.append((step * 0.1, planner.plan(context, step * 0.1)))
     return timed_plans
 
 
@@ -107,50 +129,105 @@ def speeds(timed_plans: list[tuple[float, Plan]]) -> list[Value]:
     return [setting.value for _, plan in timed_plans for setting in plan.settings]
 
 
-def test_ours_decides_as_the_declared_loops_do() -> None:
-    timed_plans = plans(LoopsManager())
+def test_the_compared_managers_are_six() -> None:
+    assert tuple(MANAGERS) == ("none", "speed only", "course only", "threshold", "ours", "ours tuned")
 
-    assert [action for _, action in chosen_courses(timed_plans)][:4] == ["pick", "start", "pick", "start"]
-    assert speeds(timed_plans)[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
-    assert {decision.because for _, plan in timed_plans for decision in plan.decisions} == {
-        SwitchReason.FIRST,
-        SwitchReason.LEADS,
-    }
+
+def test_ours_is_the_declared_loops() -> None:
+    assert OURS.edited(store.MAPE) is store.MAPE
+    assert [action for _, action in chosen_courses(plans(OURS))][:4] == ["pick", "start", "pick", "start"]
+    assert speeds(plans(OURS))[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
 
 
 def test_no_adaptation_takes_the_nominal_course_and_speed_and_keeps_them() -> None:
-    timed_plans = plans(NominalManager())
-
-    assert chosen_courses(timed_plans) == [(0.0, "pick")]
-    assert speeds(timed_plans) == [NORMAL_M_S]
-    assert timed_plans[0][1].decisions[0].because is SwitchReason.PLANNER
+    assert chosen_courses(plans(NONE)) == [(0.0, "pick")]
+    assert speeds(plans(NONE)) == [NORMAL_M_S]
 
 
-def test_chance_changes_the_course_only_where_ours_would() -> None:
-    random_plans, our_plans = plans(RandomManager(), cycles=12), plans(LoopsManager(), cycles=12)
-
-    assert {at_s for at_s, _ in chosen_courses(random_plans)} < {at_s for at_s, _ in chosen_courses(our_plans)}
-    assert {action for _, action in chosen_courses(random_plans)} == {"pick", "deliver", "start", "dock"}
-    assert set(speeds(random_plans)) == {SLOW_M_S, NORMAL_M_S}
+def test_the_speed_rule_alone_never_leaves_the_nominal_course() -> None:
+    assert chosen_courses(plans(SPEED_ONLY)) == [(0.0, "pick")]
+    assert speeds(plans(SPEED_ONLY))[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
 
 
-def test_chance_never_repeats_a_course_as_a_change() -> None:
-    actions = [action for _, action in chosen_courses(plans(RandomManager(), cycles=12))]
-
-    assert all(one != other for one, other in pairwise(actions))
-
-
-def test_chance_depends_on_the_seed() -> None:
-    repeated_plans = plans.__wrapped__(RandomManager(), seed=1)
-
-    assert chosen_courses(plans(RandomManager(), seed=1)) == chosen_courses(repeated_plans)
-    assert len({str(chosen_courses(plans(RandomManager(), seed=seed))) for seed in (1, 2, 3)}) > 1
+def test_the_course_alone_never_leaves_the_normal_speed() -> None:
+    assert chosen_courses(plans(COURSE_ONLY)) == chosen_courses(plans(OURS))
+    assert speeds(plans(COURSE_ONLY)) == [NORMAL_M_S]
 
 
-def test_replaced_decisions_keep_the_analysis_that_is_drawn() -> None:
-    for manager in (NominalManager(), RandomManager()):
-        written_names = [written_value.variable for written_value in plans(manager, cycles=1)[0][1].values_to_write]
-        assert "safety" in written_names
+def test_the_nominal_course_is_kept_with_an_empty_battery() -> None:
+    context = WrittenContext({**CALM_VALUES, "battery_level": 5.0})
+    first_actions = {
+        manager.name: planning(manager).plan(context, 0.0).decisions[0].action for manager in (SPEED_ONLY, OURS)
+    }
+
+    assert first_actions == {"speed only": "pick", "ours": "dock"}
+
+
+def test_every_manager_keeps_the_analysis_that_is_drawn() -> None:
+    for manager in MANAGERS.values():
+        written_names = {written_value.variable for written_value in plans(manager, cycles=1)[0][1].values_to_write}
+        assert written_names >= {"safety", "weight_of_pick", "weight_of_dock"}
+
+
+# The numbers of the loops
+
+
+def loop_weights(parameters: LoopParameters, **changes: Value | None) -> dict[str, float | None]:
+    scene = {name: Observation(variable=name, value=value) for name, value in {**CALM_VALUES, **changes}.items()}
+    return assess(parameters(store.MAPE), scene).weights()
+
+
+def test_moved_terms_weigh_a_value_as_the_spec_weighs_the_value_moved_back() -> None:
+    crowding_changes = [{"picking_up": True, "people_at_container": 1, "crowding": step / 20} for step in range(5, 21)]
+    battery_changes = [{"battery_level": float(step)} for step in range(40)]
+    for parameters, variable, shift, changes in (
+        (LoopParameters(crowding_shift=0.2), "crowding", 0.2, crowding_changes),
+        (LoopParameters(battery_shift_percent=-5.0), "battery_level", -5.0, battery_changes),
+    ):
+        moved_weights = [loop_weights(parameters, **values) for values in changes]
+        assert moved_weights == [
+            loop_weights(LoopParameters(), **{**values, variable: values[variable] - shift}) for values in changes
+        ]
+        assert moved_weights != [loop_weights(LoopParameters(), **values) for values in changes]
+
+
+def test_with_moved_terms_the_bounds_of_a_metric_contain_its_value() -> None:
+    for parameters in GRIDS[OURS_TUNED]:
+        mape = parameters(store.MAPE)
+        scene = {name: Observation(variable=name, value=value) for name, value in CALM_VALUES.items()}
+        bounded_outputs = assess(
+            mape, {**scene, "battery_level": Observation(variable="battery_level")}
+        ).metrics.outputs
+        for step in range(21):
+            level = Observation(variable="battery_level", value=step * 5.0)
+            known_outputs = assess(mape, {**scene, "battery_level": level}).metrics.outputs
+            for known_output, bounded_output in zip(known_outputs, bounded_outputs, strict=True):
+                assert known_output.value is not None
+                assert bounded_output.bounds.holds(known_output.value)
+
+
+def test_a_longer_hold_delays_the_change_of_the_course() -> None:
+    def docks_s(manager: Manager) -> float:
+        context, planner = WrittenContext(), planning(manager)
+        for step in range(300):
+            context.values["battery_level"] = 80.0 if step < 100 else 15.0
+            for decision in planner.plan(context, step * 0.1).decisions:
+                if decision.action == "dock":
+                    return decision.instant_s
+        raise AssertionError("the truck never docks")
+
+    assert docks_s(MANAGERS[OURS_TUNED]) - docks_s(OURS) == pytest.approx(5.0, abs=0.2)
+
+
+def test_terms_of_variables_that_the_loops_do_not_read_cannot_be_moved() -> None:
+    assert store.MAPE.metrics is not None
+    metrics = replace(store.MAPE.metrics, inputs=store.MAPE.metrics.inputs[:1])
+
+    with pytest.raises(ValueError, match="the loops of the spec do not read battery_level"):
+        LoopParameters()(replace(store.MAPE, metrics=metrics))
+
+
+# Thresholds
 
 
 def weights(**changes: Value | None) -> dict[str, float | None]:
@@ -158,7 +235,7 @@ def weights(**changes: Value | None) -> dict[str, float | None]:
         name: Observation(variable=name, value=value, because="" if value is not None else "never observed")
         for name, value in {**CALM_VALUES, **changes}.items()
     }
-    return assess(TUNED_MAPE, scene).weights()
+    return assess(THRESHOLD_MAPE, scene).weights()
 
 
 @pytest.mark.parametrize(
@@ -168,6 +245,9 @@ def weights(**changes: Value | None) -> dict[str, float | None]:
         ({"order_open": False}, "start"),
         ({"battery_level": 19.9}, "dock"),
         ({"battery_level": 20.0}, "pick"),
+        ({"battery_level": 79.9, "charging": True}, "dock"),
+        ({"battery_level": 80.0, "charging": True}, "pick"),
+        ({"battery_level": 79.9, "charging": None}, "dock"),
         ({"battery_level": 19.9, "bumped": True, "loaded": True, "container_load": "full"}, "dock"),
         ({"bumped": True}, "start"),
         ({"loaded": True, "container_load": "full"}, "deliver"),
@@ -191,13 +271,13 @@ def test_the_first_line_of_the_thresholds_that_holds_decides(
 
 
 def test_a_container_is_brought_away_from_the_load_of_the_grid_on() -> None:
-    mape_from_loading = with_thresholds(store.MAPE, replace(THRESHOLDS, load="loading"))
+    mape_from_loading = replace(THRESHOLDS, load="loading")(store.MAPE)
     scene = {name: Observation(variable=name, value=value) for name, value in CALM_VALUES.items()}
     scene |= {name: Observation(variable=name, value=value) for name, value in {"loaded": True}.items()}
     scene["container_load"] = Observation(variable="container_load", value="loading")
 
     assert assess(mape_from_loading, scene).weights()["deliver"] == 1.0
-    assert assess(TUNED_MAPE, scene).weights()["deliver"] == 0.0
+    assert assess(THRESHOLD_MAPE, scene).weights()["deliver"] == 0.0
 
 
 @settings(max_examples=60)
@@ -228,8 +308,8 @@ def test_the_result_of_thresholds_lies_within_their_bounds(
     }
 
     known_outputs, bounded_outputs = (
-        assess(TUNED_MAPE, complete_scene).metrics.outputs,
-        assess(TUNED_MAPE, partial_scene).metrics.outputs,
+        assess(THRESHOLD_MAPE, complete_scene).metrics.outputs,
+        assess(THRESHOLD_MAPE, partial_scene).metrics.outputs,
     )
     for one, other in zip(known_outputs, bounded_outputs, strict=True):
         assert one.value is not None
@@ -238,7 +318,7 @@ def test_the_result_of_thresholds_lies_within_their_bounds(
 
 def test_a_spec_without_loops_has_no_managers_to_compare() -> None:
     with pytest.raises(SpecError, match="no loops"):
-        managed_spec(lab, LoopsManager(), 1)
+        OURS.managed_spec(lab)
 
 
 # The same shop
@@ -268,15 +348,13 @@ def observe_run(manager: Manager, seed: int, duration_s: float) -> ObservedRun:
         run.events = shop.world.events
 
     settings_ = StoreRunSettings(shop=shift.settings(), duration_s=duration_s, on_opened=on_opened)
-    run.courses += courses_of(run_store(managed_spec(store, manager, seed), settings_).record)
+    run.courses += courses_of(run_store(manager.managed_spec(store), settings_).record)
     return run
 
 
-@pytest.mark.parametrize(
-    "manager", [RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager()], ids=lambda manager: manager.name
-)
-def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -> None:
-    one, other = observe_run(NominalManager(), 1, 30.0), observe_run(manager, 1, 30.0)
+@pytest.mark.parametrize("name", ["speed only", "course only", "threshold", "ours", "ours tuned"])
+def test_people_do_the_same_until_the_robot_acts_differently(name: str) -> None:
+    one, other = observe_run(NONE, 1, 30.0), observe_run(MANAGERS[name], 1, 30.0)
     pairs = enumerate(zip(one.robot, other.robot, strict=True))
     first_difference = next((step for step, (first, second) in pairs if first != second), len(one.robot) - 1)
 
@@ -285,27 +363,145 @@ def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -
 
 
 def test_a_run_is_reproducible() -> None:
-    assert observe_run(RandomManager(), 1, 30.0).courses == observe_run.__wrapped__(RandomManager(), 1, 30.0).courses
+    assert observe_run(OURS, 1, 30.0).robot == observe_run.__wrapped__(OURS, 1, 30.0).robot
 
 
 def test_a_shift_depends_on_the_seed_only() -> None:
-    for seed in range(1, 40):
-        shift = shift_of(seed)
-        assert shift == shift_of(seed)
-        assert sorted(shift.areas) == ["area_1", "area_2", "area_3", "area_4"]
-        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < RUN_DURATION_S
-        assert all(visit.at_s < RUN_DURATION_S for visit in shift.visits)
-    assert len({shift_of(seed).areas for seed in range(1, 40)}) > 10
-    assert {shift_of(seed).is_hidden for seed in range(1, 40)} == {True, False}
-    assert {len(shift_of(seed).visits) for seed in range(1, 40)} == {0, 1, 2}
+    shifts = [shift_of(seed) for seed in range(1, 40)]
+
+    assert shifts == [shift_of(seed) for seed in range(1, 40)]
+    for shift in shifts:
+        assert MIN_DURATION_S <= shift.duration_s <= MAX_DURATION_S
+        ordered_s = [order.at_s for order in shift.orders]
+        assert ordered_s == sorted(ordered_s)
+        assert 0.0 < ordered_s[0] < shift.duration_s - 300.0 < ordered_s[-1] < shift.duration_s
+        assert {order.area for order in shift.orders} <= {*shift.sources, "supply"}
+        assert not {order.target for order in shift.orders} & {*shift.sources, "supply"}
+    orders = [order for shift in shifts for order in shift.orders]
+    assert {order.kind for order in orders} == set(OrderKind)
+    assert {order.load for order in orders} == set(Load)
+    assert {order.is_hidden for order in orders} == {True, False} == {order.cancelled_s is None for order in orders}
+    assert {visit.people for shift in shifts for visit in shift.visits} == {1, 2, 3}
+    assert len({shift.drain for shift in shifts}) == 2
 
 
-def test_a_shift_begins_with_its_containers_in_their_places() -> None:
-    assert [what for at_s, what in observe_run(NominalManager(), 1, 30.0).events if at_s == 0.0] == [
-        "container_3 was moved: floor",
-        "container_3 is full",
-        "container_1 is loading",
-    ]
+@dataclass
+class ShopOfShift:
+    """A shop in which the events of a shift happen, and whose robot gets no commands."""
+
+    shift: Shift
+    clock: SimClock = field(default_factory=SimClock)
+
+    def __post_init__(self) -> None:
+        self.shop = Store(self.clock, self.shift.settings())
+        Staging(self.shift, self.shop)
+
+    def containers(self, where: Whereabouts) -> dict[Pose2D, Load]:
+        containers = self.shop.world.state().containers
+        return {container.at: container.load for container in containers if container.where is where}
+
+    def attribute(self, node: str, name: str) -> object:
+        return self.shop.knowledge.get(node, name).value
+
+
+def planned_order(at_s: float, kind: OrderKind, **changes: object) -> PlannedOrder:
+    order = PlannedOrder(
+        at_s=at_s,
+        kind=kind,
+        area="area_4",
+        target="area_1",
+        load=Load.LOADING,
+        full_s=at_s + 3.0,
+        is_hidden=False,
+        cancelled_s=None,
+    )
+    return replace(order, **changes)  # type: ignore[arg-type]
+
+
+def shop_of_orders(*orders: PlannedOrder, visits: tuple[Visit, ...] = ()) -> ShopOfShift:
+    return ShopOfShift(replace(shift_of(1), sources=("area_4", "area_3"), orders=orders, visits=visits))
+
+
+def test_pickers_put_the_container_of_an_order_at_its_place_and_fill_it() -> None:
+    shop = shop_of_orders(planned_order(2.0, OrderKind.MOVE, is_hidden=True))
+    place = AREAS["area_4"].places[1]
+
+    shop.clock.sleep(1.0)
+    assert place not in shop.containers(Whereabouts.FLOOR)
+    shop.clock.sleep(2.0)
+    assert shop.containers(Whereabouts.FLOOR)[place] is Load.LOADING
+    shop.clock.sleep(3.0)
+    assert shop.containers(Whereabouts.FLOOR)[place] is Load.FULL
+
+
+def test_a_second_container_waits_until_the_first_has_left_the_area() -> None:
+    collect = OrderKind.COLLECT
+    shop = shop_of_orders(planned_order(1.0, collect), planned_order(2.0, collect, load=Load.EMPTY, is_hidden=True))
+    first, second = AREAS["area_4"].places
+
+    shop.clock.sleep(3.0)
+    assert second not in shop.containers(Whereabouts.FLOOR)
+    (name,) = (item.name for item in shop.shop.world.state().containers_on_floor() if item.at == first)
+    shop.shop.world.move_container(name, first, Whereabouts.BACK_ROOM)
+    shop.clock.sleep(1.0)
+    assert shop.containers(Whereabouts.FLOOR)[second] is Load.EMPTY
+
+
+def test_pickers_put_no_container_beside_the_robot() -> None:
+    shop = shop_of_orders(planned_order(1.0, OrderKind.COLLECT))
+    place = AREAS["area_4"].places[0]
+    ahead = place.pose_ahead(2.0)
+    shop.shop.world._state = replace(shop.shop.world.state(), robot=RobotState(at=ahead))
+
+    shop.clock.sleep(2.0)
+    assert place not in shop.containers(Whereabouts.FLOOR)
+    shop.shop.world._state = replace(shop.shop.world.state(), robot=RobotState(at=place.pose_ahead(6.0)))
+    shop.clock.sleep(1.0)
+    assert place in shop.containers(Whereabouts.FLOOR)
+
+
+def test_an_order_of_a_shift_can_be_taken_back() -> None:
+    shop = shop_of_orders(planned_order(1.0, OrderKind.MOVE), planned_order(2.0, OrderKind.COLLECT, cancelled_s=4.0))
+
+    shop.clock.sleep(5.0)
+    assert not shop.shop.knowledge.get("order_1", "cancelled").known
+    assert shop.attribute("order_2", "cancelled") is True
+
+
+def test_the_page_has_the_load_of_the_container_in_the_area_nearest_to_the_robot() -> None:
+    """The robot waits at the start, which is nearest to the second picking area."""
+    orders = (planned_order(1.0, OrderKind.COLLECT, area=area, load=load) for area, load in LOADS_OF_AREAS.items())
+    shop = ShopOfShift(replace(shift_of(1), sources=tuple(LOADS_OF_AREAS), orders=tuple(orders), visits=()))
+
+    shop.clock.sleep(2.0)
+    assert shop.attribute("robot", "container_load") == "full"
+
+
+LOADS_OF_AREAS = {"area_2": Load.FULL, "area_4": Load.EMPTY}
+
+
+def test_a_crowd_comes_and_leaves_the_shop() -> None:
+    shop = shop_of_orders(visits=(Visit(at_s=1.0, area="area_4", people=2, times=1),))
+
+    def people() -> set[str]:
+        return {name for name, _ in shop.shop.world.state().people_m if name.startswith("visitor")}
+
+    shop.clock.sleep(2.0)
+    assert people() == {"visitor 1.1", "visitor 1.2"}
+    shop.clock.sleep(28.0)
+    assert people() == set()
+
+
+def test_a_run_with_an_empty_battery_ends_and_its_outcome_lasts_as_long_as_the_shift(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(trial, "shift_of", lambda seed: replace(shift_of(seed), battery_percent=0.3))
+    outcome = trial.StoreTrial(name="run", spec=SPEC, seed=1, manager=NONE, duration_s=500.0).run(tmp_path)
+
+    assert outcome.battery_empty_s is not None
+    assert 3.0 < outcome.battery_empty_s < 30.0
+    assert (outcome.duration_s, outcome.loops, outcome.gaps_m[-1][0] < 30.0) == (500.0, 0, True)
+    assert outcome.drain_known_s is None  # it is unknown for the first minute
 
 
 # Counting
@@ -416,18 +612,55 @@ def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tupl
     )
 
 
-def test_differences_to_ours_are_taken_seed_by_seed() -> None:
+def test_differences_are_taken_seed_by_seed_and_in_an_hour() -> None:
     ours = [outcome_of("ours", seed, unsafe_s=float(seed)) for seed in range(1, 6)]
     none = [outcome_of("none", seed, unsafe_s=seed + 3.0) for seed in range(1, 6)]
-    table = compare_managers({"none": none, "ours": ours}, "ours")
-    rows_by_measure = {(row.measure.key, row.manager): row for row in table}
+    rows = {(row.measure.key, row.manager): row for row in compare_managers({"none": none, "ours": ours})}
 
-    unsafe_row = rows_by_measure["unsafe_s", "none"]
-    assert unsafe_row.mean.value == 6.0
-    assert unsafe_row.difference is not None
-    assert (unsafe_row.difference.low, unsafe_row.difference.high) == (pytest.approx(3.0), pytest.approx(3.0))
-    assert rows_by_measure["unsafe_s", "ours"].difference is None
-    assert rows_by_measure["switches_per_min", "none"].mean.value == 2.0
+    unsafe_row = rows["unsafe_s_per_h", "none"]
+    assert unsafe_row.mean.value == 6.0 * 60.0
+    difference = unsafe_row.differences["ours"]
+    assert (difference.low, difference.high) == (pytest.approx(180.0), pytest.approx(180.0))
+    assert rows["unsafe_s_per_h", "ours"].differences["none"].value == pytest.approx(-180.0)
+    assert rows["unsafe_s_per_h", "ours"].differences.keys() == {"none"}
+    assert rows["switches_per_h", "none"].mean.value == 120.0
+
+
+def test_minutes_with_an_empty_battery_count_from_the_instant_at_which_it_became_empty() -> None:
+    assert outcome_of("none", 1).empty_min == 0.0
+    assert outcome_of("none", 1, battery_empty_s=45.0).empty_min == 0.25
+
+
+def test_the_answer_names_clear_advantages_and_disadvantages_and_what_is_not_clear() -> None:
+    def runs(name: str, missions: int, unsafe_s: float) -> list[StoreOutcome]:
+        return [
+            outcome_of(name, seed, loops=missions, unsafe_s=unsafe_s, bumps=seed % 2 if name == "ours" else 0)
+            for seed in range(1, 11)
+        ]
+
+    table = compare_managers(
+        {
+            "speed only": runs("speed only", 1, 2.0),
+            "threshold": runs("threshold", 2, 4.0),
+            "ours": runs("ours", 2, 4.0),
+            "ours tuned": runs("ours tuned", 2, 4.0),
+        }
+    )
+    our_answer, tuned_answer, *_ = answers(table)
+
+    assert our_answer.startswith(
+        "Compared with 'speed only', 'ours' brings, in an hour: "
+        "an advantage in missions completed +60.00 [+60.00, +60.00]; "
+        "a disadvantage in unsafe seconds +120.00 [+120.00, +120.00], bumps +30.00 ["
+    )
+    assert our_answer.endswith(
+        "; no clear difference in orders done, orders failed, minutes with an empty battery, aborted pick-ups, "
+        "changes of the course."
+    )
+    assert "bumps" in tuned_answer.rpartition("no clear difference in ")[2]
+    assert [answer for answer in answers(table) if "no clear advantage; no clear disadvantage" in answer] == [
+        answer for answer in answers(table) if answer.startswith("Compared with 'threshold', 'ours tuned'")
+    ]
 
 
 def test_an_unanswered_cause_counts_as_later_than_any_answered_one() -> None:
@@ -474,21 +707,36 @@ def test_the_cell_with_the_best_score_wins_and_of_equal_ones_the_first() -> None
     run_numbers = {(1.0, 1): (2, 20.0), (1.0, 2): (1, 0.0), (1.5, 1): (1, 0.0), (1.5, 2): (2, 10.0)}
     run_numbers |= {(2.0, 1): (2, 10.0), (2.0, 2): (1, 0.0)}
     outcomes = {
-        f"grid-{distance_m:g}m-20percent-full-{seed}": outcome_of("threshold", seed, loops=missions, unsafe_s=unsafe_s)
+        f"threshold, person {distance_m:g} m, battery 20 percent, load full, {seed}": outcome_of(
+            "threshold", seed, loops=missions, unsafe_s=unsafe_s
+        )
         for (distance_m, seed), (missions, unsafe_s) in run_numbers.items()
     }
-    search_cells = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
+    search_cells = cells(Design(grids={THRESHOLD: grid}, tuning_seeds=(1, 2)), THRESHOLD, outcomes)
 
-    assert [round(cell.score, 6) for cell in search_cells] == [0.5, 1.0, 1.0]
-    assert best_cell(search_cells).thresholds.distance_m == 1.5
+    assert [round(cell.score, 6) for cell in search_cells] == [30.0, 60.0, 60.0]
+    assert best_cell(search_cells).edit == replace(THRESHOLDS, distance_m=1.5)
+
+
+def test_both_searches_have_the_same_budget_and_that_of_ours_begins_with_the_spec() -> None:
+    first_cell = GRIDS[OURS_TUNED][0]
+
+    assert GRIDS.keys() == {THRESHOLD, OURS_TUNED}
+    assert len(set(GRIDS[THRESHOLD])) == len(set(GRIDS[OURS_TUNED])) == len(GRIDS[THRESHOLD])
+    assert isinstance(first_cell, LoopParameters)
+    assert (first_cell.crowding_shift, first_cell.battery_shift_percent) == (0.0, 0.0)
+    assert [course.hold_s for course in first_cell(store.MAPE).courses] == [
+        course.hold_s for course in store.MAPE.courses
+    ]
 
 
 def test_reported_seeds_are_not_used_for_tuning() -> None:
+    assert Design().first_seed == reported_seeds("store", 1)[0]
     assert max(Design().tuning_seeds) < Design().first_seed
 
 
 def test_the_speeds_are_those_of_the_spec() -> None:
-    text = (Path(__file__).parents[4] / "specs/store.yaml").read_text()
+    text = SPEC.read_text()
 
     assert f"value: {SLOW_M_S} m/s if" in text
     assert f"else {NORMAL_M_S} m/s" in text

@@ -85,11 +85,37 @@ def test_at_the_dock_the_battery_is_charged_and_never_above_full() -> None:
     assert world.state().robot.battery_percent == 100.0
 
 
-def test_an_empty_battery_stays_empty() -> None:
-    clock, world, _ = open_shop(level=0.001)
-    clock.sleep(10)
+def test_the_factor_of_charging_shortens_a_charge() -> None:
+    clock = SimClock()
+    world = StoreWorld(clock, Beginning(seed=1, containers=(), robot=DOCK, battery_percent=40.0, charge=12.0))
+    clock.sleep(60)
 
-    assert world.body.battery_percent() == 0.0
+    assert world.state().robot.battery_percent == pytest.approx(64.0, abs=0.1)
+
+
+def test_with_an_empty_battery_the_robot_stays_where_it_is_and_its_command_does_not_end() -> None:
+    clock, world, states = open_shop(level=0.02)
+    outcomes: list[Outcome] = []
+    world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
+    clock.sleep(10)
+    empty_states = [state for state in states if state.robot.battery_percent == 0.0]
+
+    assert START.distance_m(empty_states[0].robot.at) > 0.5
+    assert {state.robot.at for state in empty_states[1:]} == {empty_states[1].robot.at}
+    assert (empty_states[-1].robot.speed_m_s, world.body.battery_percent(), outcomes) == (0.0, 0.0, [])
+
+
+@pytest.mark.parametrize(("robot", "is_beyond"), [(START, True), (Pose2D(8.35, 9.0), False)])
+def test_a_visitor_leaves_the_shop_by_the_exit_to_which_the_robot_is_not_in_the_way(
+    robot: Pose2D, is_beyond: bool
+) -> None:
+    visitor = new_visitor((8.0, 7.0), [(8.0, 7.2)], 1, (8.0, 11.0), other_exit_m=(8.0, 4.0))
+    clock, _, states = open_shop(at=robot, people=(visitor,))
+    clock.sleep(30)
+    last_m = next(state.people_m[0][1] for state in reversed(states) if state.people_m)
+
+    assert states[-1].people_m == ()
+    assert (last_m[1] > 9.0) == is_beyond
 
 
 def test_before_a_person_in_its_lane_the_robot_stops_and_gives_up() -> None:
