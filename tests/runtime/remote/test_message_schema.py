@@ -174,6 +174,28 @@ def test_each_field_of_a_request_has_the_values_that_the_manager_accepts(ask: st
         check(request | {key: 1})
 
 
+def reading(**fields: object) -> dict[str, object]:
+    instants = dict.fromkeys(("evidence_s", "start_s", "identified_s", "expires_s"))
+    return {"variable": "x", "detail": "", "source": "", **instants, **fields}
+
+
+def test_a_reading_has_either_a_value_or_a_reason() -> None:
+    known: dict[str, object] = {"known": True, "reason": None}
+    unknown: dict[str, object] = {"known": False, "reason": "stale"}
+
+    for fields in ({**known, "value": 1}, {**known, "infinite": -1}, {**unknown, "value": None}):
+        message = {"codra": VERSION, "notice": "reading", "subscription": 1, "reading": reading(**fields)}
+        assert is_valid("notice", message), fields
+        assert not is_valid("notice", message | {"notice": "closed"})
+    for value in ({}, {"value": None}, {"value": 1, "infinite": 1}):
+        assert not validator("reading").is_valid(reading(**known, **value))
+    for value in ({}, {"value": 1}, {"infinite": 1}, {"value": None, "infinite": 1}):
+        assert not validator("reading").is_valid(reading(**unknown, **value))
+    assert not validator("reading").is_valid(reading(known=True, reason="stale", value=1))
+    assert not validator("reading").is_valid(reading(known=False, reason=None, value=1))
+    assert not validator("reading").is_valid(reading(known=False, reason=None, value=None))
+
+
 def test_a_request_names_at_most_ten_thousand_variables_or_skills() -> None:
     for ask, key in (("expect", "skills"), ("subscribe", "variables")):
         for count, is_allowed in ((10_000, True), (10_001, False)):
