@@ -14,7 +14,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
-from codra_dsl.runtime import Reason
+from codra_dsl.runtime import PreviewOutcome, Reason
 from codra_dsl.runtime.remote import SCHEMA_FILE, VERSION, MessageError
 from codra_dsl.runtime.remote.json_lines import line_of, message_of, request_of_line
 from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, plain_type, request_of
@@ -99,6 +99,7 @@ def test_the_schema_describes_every_request_answer_error_and_reason() -> None:
         assert [name.partition(".")[2] for name in DEFINITIONS if name.startswith(f"{part}.")] == list(REQUESTS)
     assert sorted(DEFINITIONS["error"]["properties"]["error"]["properties"]["kind"]["enum"]) == sorted(ERRORS)
     assert DEFINITIONS["reading"]["properties"]["reason"]["enum"] == [None, *Reason]
+    assert DEFINITIONS["preview"]["properties"]["outcome"]["enum"] == [*PreviewOutcome]
 
 
 def test_no_definition_of_the_schema_is_unused() -> None:
