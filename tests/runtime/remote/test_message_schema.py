@@ -14,7 +14,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
-from codra_dsl.runtime import Reason
+from codra_dsl.runtime import PreviewOutcome, Reason
 from codra_dsl.runtime.remote import SCHEMA_FILE, VERSION, MessageError
 from codra_dsl.runtime.remote.json_lines import line_of, message_of, request_of_line
 from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, plain_type, request_of
@@ -101,6 +101,7 @@ def test_the_schema_describes_every_request_answer_error_and_reason() -> None:
         assert [name.partition(".")[2] for name in DEFINITIONS if name.startswith(f"{part}.")] == list(REQUESTS)
     assert sorted(DEFINITIONS["error"]["properties"]["error"]["properties"]["kind"]["enum"]) == sorted(ERRORS)
     assert DEFINITIONS["reading"]["properties"]["reason"]["enum"] == [None, *Reason]
+    assert DEFINITIONS["preview"]["properties"]["outcome"]["enum"] == [*PreviewOutcome]
 
 
 def test_no_definition_of_the_schema_is_unused() -> None:
@@ -174,6 +175,28 @@ def test_each_field_of_a_request_has_the_values_that_the_manager_accepts(ask: st
         for value in VALUES:
             check({name: field for name, field in request.items() if name != finite_key} | {key: value})
         check(request | {key: 1})
+
+
+def reading(**fields: object) -> dict[str, object]:
+    instants = dict.fromkeys(("evidence_s", "start_s", "identified_s", "expires_s"))
+    return {"variable": "x", "detail": "", "source": "", **instants, **fields}
+
+
+def test_a_reading_has_either_a_value_or_a_reason() -> None:
+    known: dict[str, object] = {"known": True, "reason": None}
+    unknown: dict[str, object] = {"known": False, "reason": "stale"}
+
+    for fields in ({**known, "value": 1}, {**known, "infinite": -1}, {**unknown, "value": None}):
+        message = {"codra": VERSION, "notice": "reading", "subscription": 1, "reading": reading(**fields)}
+        assert is_valid("notice", message), fields
+        assert not is_valid("notice", message | {"notice": "closed"})
+    for value in ({}, {"value": None}, {"value": 1, "infinite": 1}):
+        assert not validator("reading").is_valid(reading(**known, **value))
+    for value in ({}, {"value": 1}, {"infinite": 1}, {"value": None, "infinite": 1}):
+        assert not validator("reading").is_valid(reading(**unknown, **value))
+    assert not validator("reading").is_valid(reading(known=True, reason="stale", value=1))
+    assert not validator("reading").is_valid(reading(known=False, reason=None, value=1))
+    assert not validator("reading").is_valid(reading(known=False, reason=None, value=None))
 
 
 def test_a_request_names_at_most_ten_thousand_variables_or_skills() -> None:

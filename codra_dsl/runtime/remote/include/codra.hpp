@@ -1,4 +1,4 @@
-// A client of a CoDRA context manager for programs in C++17, on Linux. Link with -pthread.
+// A client of the context manager of CoDRA DSL, for programs in C++17 on Linux. Compile with -pthread.
 //
 // The how-to guide docs/how-to/cpp.md shows its use. Its messages are those of docs/reference/messages.md, version 1.
 
@@ -652,7 +652,7 @@ class Connection {
     const auto* number = id == nullptr ? nullptr : std::get_if<std::int64_t>(&id->content);
     const std::lock_guard<std::mutex> lock(mutex_);
     const auto entry = number == nullptr ? pending_.end() : pending_.find(*number);
-    if (entry == pending_.end()) return;  // nobody waits for the answer
+    if (is_over_ || entry == pending_.end()) return;  // no call waits for the answer
     Pending& pending = *entry->second;
     if (const Json* error = message.find("error")) {
       pending.error_kind = error->get<std::string>("kind");
@@ -674,7 +674,7 @@ class Connection {
     Reading reading = reading_of(Json{message.get<JsonObject>("reading")});
     const std::lock_guard<std::mutex> lock(mutex_);
     const auto entry = callbacks_.find(message.get<std::int64_t>("subscription"));
-    if (entry == callbacks_.end()) return;
+    if (is_over_ || entry == callbacks_.end()) return;  // the last reading is `unreachable`
     readings_.emplace_back(entry->second, std::move(reading));
     changed_.notify_all();
   }

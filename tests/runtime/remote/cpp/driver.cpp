@@ -20,6 +20,13 @@ std::map<std::int64_t, codra::Skill> skills;
 std::map<std::int64_t, codra::Acting> acting;
 std::map<std::int64_t, codra::Subscription> subscriptions;
 
+/// As the locales of many languages: a robot's program may use them, and JSON may not.
+struct DecimalComma : std::numpunct<char> {
+  char do_decimal_point() const override { return ','; }
+  char do_thousands_sep() const override { return '.'; }
+  std::string do_grouping() const override { return "\3"; }
+};
+
 struct LookError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -214,6 +221,7 @@ void echo() {
 }  // namespace
 
 int main(int argc, char**) {
+  std::locale::global(std::locale(std::locale(), new DecimalComma));
   if (argc > 1) return echo(), 0;
   for (std::string line; std::getline(std::cin, line);) {
     const Json call = JsonParser::parse(line);
