@@ -67,7 +67,7 @@ def _convert(parameter: Parameter, value: Any) -> Any:
 
 
 def _convert_item(item_type: Any, info: ParameterInfo, item: Any) -> Any:
-    if item_type in (bool, str) and isinstance(item, item_type):
+    if item_type in (bool, str, int, float) and type(item) is item_type:  # a number is a default: arguments are texts
         return item
     if isinstance(item_type, type) and issubclass(item_type, StrEnum) and item in list(item_type):
         return item_type(item)

@@ -146,13 +146,13 @@ def _create_journal(path: Path | None) -> Journal | None:
 
 def _initial_knowledge(module: ModuleType, dsr: Path | None, unit_m: float) -> KnowledgeModel | None:
     """Return the knowledge that a spec declares, with the initial graph from a DSR file if there is one."""
-    from codra_dsl.runtime.knowledge.exchange import ExchangeError, import_dsr, read_dsr
-
     knowledge: KnowledgeModel | None = getattr(module, "KNOWLEDGE", None)
     if dsr is None:
         return knowledge
     if knowledge is None:
         raise typer.BadParameter("the spec declares no knowledge", param_hint="--dsr")
+    from codra_dsl.runtime.knowledge.exchange import ExchangeError, import_dsr, read_dsr
+
     try:
         return import_dsr(knowledge, read_dsr(dsr), unit_m=unit_m).model
     except (ExchangeError, OSError) as error:
@@ -166,7 +166,7 @@ def _loaded_package(
     """Load the package that the options or the journal name, and report how it differs from the one that ran."""
     import tempfile
 
-    from codra_dsl.integrations.inspection.loading import load_package
+    from codra_dsl.runtime.context.package_files import load_package
 
     with tempfile.TemporaryDirectory(prefix="codra-") as temporary_folder:
         if spec is None:
@@ -227,7 +227,7 @@ def _default_package(header: RunHeader) -> Path:
     spec as an identifier, and the package must be inside the project. A path in the journal, or a link that leads out
     of the project, is refused.
     """
-    from codra_dsl.language.load.yaml.names import is_identifier
+    from codra_dsl.language.expression import is_identifier
     from codra_dsl.language.project import root_of
 
     if not is_identifier(header.spec):
@@ -247,7 +247,7 @@ def _default_package(header: RunHeader) -> Path:
 
 def _text_of_package_that_ran(header: RunHeader) -> str:
     """Return which package of the project has the model of a run, e.g. that of a site; empty if none is known."""
-    from codra_dsl.language.load.yaml.names import is_identifier
+    from codra_dsl.language.expression import is_identifier
     from codra_dsl.language.project import root_of
     from codra_dsl.runtime.context.package_files import manifest_of
 

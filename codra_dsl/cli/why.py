@@ -26,7 +26,7 @@ def complete_variable(ctx: typer.Context, incomplete: str) -> list[str]:
     A journal may come from anybody, and shells evaluate completions. So only names that a spec can declare are
     returned.
     """
-    from codra_dsl.language.load.yaml.names import is_identifier
+    from codra_dsl.language.expression import is_identifier
     from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 
     try:

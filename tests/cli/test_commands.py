@@ -15,6 +15,8 @@ from pathlib import Path
 import pygraphviz
 import pytest
 
+from generated import lab
+from tests.campaigns.whys.arena import run_until
 from tests.command_server import as_text, run_codra, run_python
 from tests.test_compiler import DOOR
 
@@ -65,7 +67,10 @@ HEAVY_LIBRARIES = {"pydantic", "networkx", "jinja2", "jsonschema", "rich", "nump
     ("arguments", "libraries"),
     [
         (["--help"], HEAVY_LIBRARIES | {"yaml"}),
-        (["lint", "specs/kitchen.yaml", "--no-cache", "--format", "concise"], HEAVY_LIBRARIES),
+        (
+            ["lint", "specs/kitchen.yaml", "--no-cache", "--format", "concise"],
+            HEAVY_LIBRARIES | {"codra_dsl.language.check.loops.rule_clauses"},
+        ),
     ],
 )
 def test_a_command_imports_no_heavy_library_that_it_does_not_need(arguments: list[str], libraries: set[str]) -> None:
@@ -74,6 +79,22 @@ def test_a_command_imports_no_heavy_library_that_it_does_not_need(arguments: lis
         "try: main()\n"
         "except SystemExit as error: print(error.code)\n"
         f"print(sorted({libraries} & set(sys.modules)))"
+    )
+
+    process = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, env=environment(), text=True, capture_output=True, check=True
+    )
+
+    assert process.stdout.splitlines()[-2:] == ["0", "[]"]
+
+
+def test_a_replay_imports_neither_the_compiler_nor_the_libraries_of_the_compiler(tmp_path: Path) -> None:
+    run_until(lab, 0, 2.0, tmp_path / "run.mcap").manager.close()
+    program = (
+        f"import sys; from codra_dsl.cli import main; sys.argv = ['codra', 'replay', '{tmp_path}/run.mcap']\n"
+        "try: main()\n"
+        "except SystemExit as error: print(error.code)\n"
+        "print(sorted({'codra_dsl.compiler', 'jinja2', 'pydantic', 'yaml'} & set(sys.modules)))"
     )
 
     process = subprocess.run(

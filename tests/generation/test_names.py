@@ -19,7 +19,7 @@ from codra_dsl.generation.build_plan.names import ENTRY_NAMES, MODULE_NAMES, cam
 from codra_dsl.generation.emit import emit
 from codra_dsl.integrations.inspection.loading import load_start
 from codra_dsl.language.diagnostics import Diagnostic, Severity
-from codra_dsl.language.load.yaml.names import is_identifier
+from codra_dsl.language.expression import is_identifier
 from codra_dsl.runtime import SimClock, generated_api
 from tests.generation.emit.test_emit import rich
 from tests.test_generated_api import GATE_SPEC

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
@@ -22,7 +19,19 @@ from codra_dsl.language.load import load_spec
 from codra_dsl.language.model import Spec
 from codra_dsl.language.project import root_of
 from codra_dsl.runtime import ContextManager
+from codra_dsl.runtime.context.package_files import load_package
 from codra_dsl.runtime.loops import Mape
+
+__all__ = [
+    "CompiledSpec",
+    "SpecError",
+    "compile_and_load",
+    "load_emitted",
+    "load_package",
+    "load_start",
+    "read_spec",
+    "source_files",
+]
 
 StartFunction = Callable[..., ContextManager[Any, Any]]
 
@@ -136,21 +145,3 @@ def load_emitted(file_texts: Mapping[str, str], name: str, folder: Path) -> Modu
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, encoding="utf-8")
     return load_package(folder / name)
-
-
-def load_package(folder: Path) -> ModuleType:
-    """Import the generated package in a folder, and return it. The folder need not be on Python's path.
-
-    Raises:
-        ImportError: if there is no package. Exceptions of the package itself are not changed.
-    """
-    module_name = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{folder.name}"
-    spec = importlib.util.spec_from_file_location(
-        module_name, folder / "__init__.py", submodule_search_locations=[str(folder)]
-    )
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{folder} cannot be imported")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[module_name] = module
-    spec.loader.exec_module(module)
-    return module

@@ -13,7 +13,15 @@ from codra_dsl.language.expression.parser import MAX_DEPTH, parse
 from codra_dsl.language.expression.patterns import Count, EdgeTerm, NodeTerm, Path, parse_pattern
 from codra_dsl.language.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out, written_text
 from codra_dsl.language.expression.printer import to_text
-from codra_dsl.language.expression.tokens import FUNCTIONS, MAX_LENGTH, WORDS, SyntaxProblem, is_name
+from codra_dsl.language.expression.tokens import (
+    FUNCTIONS,
+    MAX_LENGTH,
+    MAX_NAME,
+    WORDS,
+    SyntaxProblem,
+    is_identifier,
+    is_name,
+)
 from codra_dsl.language.expression.tree import (
     And,
     Arithmetic,
@@ -42,6 +50,7 @@ __all__ = [
     "GEOMETRY",
     "MAX_DEPTH",
     "MAX_LENGTH",
+    "MAX_NAME",
     "WORDS",
     "And",
     "Arithmetic",
@@ -66,6 +75,7 @@ __all__ = [
     "Truth",
     "distances_in",
     "is_distance",
+    "is_identifier",
     "is_name",
     "names_in",
     "parse",

@@ -25,6 +25,9 @@ FUNCTIONS: Mapping[str, tuple[int, int | None]] = {
 }
 """The minimum and maximum number of arguments of each function."""
 
+MAX_NAME = 100
+"""The maximum length of a name that a spec declares. Names become parts of file names."""
+
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _RESERVED_WORDS = frozenset({*keyword.kwlist, *WORDS, *FUNCTIONS, "null"})
 
@@ -164,6 +167,11 @@ def tokens(text: str) -> tuple[Token, ...]:
         position = match.end()
     token_list.append(Token(TokenKind.END, "", len(text), len(text)))
     return tuple(token_list)
+
+
+def is_identifier(name: str) -> bool:
+    """Return whether a spec may declare something with this name."""
+    return len(name) <= MAX_NAME and is_name(name)
 
 
 def is_name(text: str) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
+from codra_dsl.language.expression import MAX_NAME, is_identifier
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.file_queries import real_path
 from codra_dsl.language.load.calls import DeclaredNames, check_calls
@@ -22,7 +23,6 @@ from codra_dsl.language.load.schema.document import SECTIONS, Document, read_doc
 from codra_dsl.language.load.site.overlay import Overlay
 from codra_dsl.language.load.site.site_file import SiteFile, read_site_file
 from codra_dsl.language.load.yaml.findings import Findings
-from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.reader import entries

@@ -1,11 +1,14 @@
-"""The files beside generated code: the manifest of a package, and the places of its elements in the spec."""
+"""Generated packages: importing them, their manifests, and the places of their elements in the spec."""
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import sys
 from collections.abc import Mapping
+from hashlib import sha256
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from codra_dsl.regular_files import read_regular_file
@@ -15,6 +18,24 @@ MANIFEST_FILE = "manifest.json"
 SOURCES_FILE = "sources.json"
 _MANIFEST_FORMAT = "codra-manifest"
 _MAX_BYTES = 64 * 1024 * 1024
+
+
+def load_package(folder: Path) -> ModuleType:
+    """Import the generated package in a folder, and return it. The folder need not be on Python's path.
+
+    Raises:
+        ImportError: if there is no package. Exceptions of the package itself are not changed.
+    """
+    module_name = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{folder.name}"
+    spec = importlib.util.spec_from_file_location(
+        module_name, folder / "__init__.py", submodule_search_locations=[str(folder)]
+    )
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{folder} cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module_name] = module
+    spec.loader.exec_module(module)
+    return module
 
 
 def package_folder(manager: object) -> Path | None:

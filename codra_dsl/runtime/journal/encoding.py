@@ -234,7 +234,10 @@ def _original_key(key: str) -> str:
 
 def parse_json(text: str) -> Any:
     """Return the plain data of a text that `json_text` has written."""
-    return json.loads(text, object_hook=restore_infinite)
+    return _decode_plain_json(text)
+
+
+_decode_plain_json = json.JSONDecoder(object_hook=restore_infinite).decode
 
 
 def bytes_of(text: str) -> bytes:

@@ -15,6 +15,7 @@ import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, Self
 from zlib import crc32
@@ -220,14 +221,16 @@ class JournalReader:
     def raw_messages(self) -> Iterator[RawMessage]:
         """Yield all messages, in the order in which they were written."""
         last_sequence = 0
-        for message, is_regained in self._messages():
-            raw_message = self._with_channel(message)
-            if raw_message is not None:
-                self.damage.lost_message_count += max(message.sequence - last_sequence - 1, 0)
-                self.damage.regained_message_count += is_regained
-                last_sequence = message.sequence
-                self.message_count += 1
-                yield raw_message
+        for messages, is_region in self._message_groups():
+            for message in messages:
+                raw_message = self._with_channel(message)
+                if raw_message is not None:
+                    if message.sequence > last_sequence + 1:
+                        self.damage.lost_message_count += message.sequence - last_sequence - 1
+                    self.damage.regained_message_count += is_region
+                    last_sequence = message.sequence
+                    self.message_count += 1
+                    yield raw_message
 
     def index(self) -> list[IndexedChunk]:
         """Return the chunks that have messages, in order. Call this before messages are read.
@@ -364,24 +367,19 @@ class JournalReader:
             attachment = Attachment.read(_stream(content))
             self.files[attachment.name] = attachment.data
 
-    def _messages(self) -> Iterator[tuple[Message, bool]]:
-        if self._pending_record is not None:
-            yield from self._messages_of_chunk(*self._pending_record)
-        for record in self._records():
-            yield from self._messages_of_chunk(*record)
+    def _message_groups(self) -> Iterator[tuple[Iterator[Message], bool]]:
+        """Yield the messages of each chunk, then those of the region, and whether they are those of the region."""
+        pending_records = () if self._pending_record is None else (self._pending_record,)
+        for opcode, offset, content in chain(pending_records, self._records()):
+            records = self._records_of_chunk(offset, content) if opcode == Opcode.CHUNK else None
+            if records is not None:
+                self.chunk_offset = offset
+                if offset == self._region[0]:
+                    self._is_region_outdated = True
+                yield self._messages_of_records(records, f"the chunk at byte {offset}"), False
         if not self._is_region_outdated:
             self.chunk_offset = max(self._region[0], self.chunk_offset)
-            yield from ((message, True) for message in self._messages_of_records(self._region[1], "the region"))
-
-    def _messages_of_chunk(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
-        records = self._records_of_chunk(offset, content) if opcode == Opcode.CHUNK else None
-        if records is None:
-            return
-        self.chunk_offset = offset
-        if offset == self._region[0]:
-            self._is_region_outdated = True
-        messages = self._messages_of_records(records, f"the chunk at byte {offset}")
-        yield from ((message, False) for message in messages)
+            yield self._messages_of_records(self._region[1], "the region"), True
 
     def _records_of_chunk(self, offset: int, content: bytes) -> bytes | None:
         """Return the records of a chunk; None if they cannot be read."""

@@ -47,9 +47,11 @@ class Precondition(Behaviour):
     def update(self) -> Status:
         """Succeed while the condition holds, or while the evidence is complete but the job has no result yet."""
         truth = self._term.evaluate(self._branches[0].observer.context_now())
-        self.feedback_message = "" if truth is True else "unknown" if truth is None else "does not hold"
-        is_waiting = truth is not True and any(branch.is_evidence_taken for branch in self._branches)
-        return SUCCESS if truth is True or is_waiting else FAILURE
+        if truth is True:
+            self.feedback_message = ""
+            return SUCCESS
+        self.feedback_message = "unknown" if truth is None else "does not hold"
+        return SUCCESS if any(branch.is_evidence_taken for branch in self._branches) else FAILURE
 
 
 class DueOrRunning(Behaviour):

@@ -158,12 +158,12 @@ class Branch:
 
     def earliest_start_s(self) -> float:
         """Return when the next job may start, if the variables of the branch are asked for."""
-        if not self.is_on_event:
-            return self._next_in_period_s()
-        # evidence from the very instant of an invalidation does not count
-        cells = self.observer.services.cells
-        invalidated_s = (cells[variable].invalidated_s + INVALIDATION_DELAY_S for variable in self.identifies)
-        return max(self._next_in_period_s(), *invalidated_s)
+        start_s = self._next_in_period_s()
+        if self.is_on_event:
+            # evidence from the very instant of an invalidation does not count
+            for cell in self._own_cells:
+                start_s = max(start_s, cell.invalidated_s + INVALIDATION_DELAY_S)
+        return start_s
 
     def is_asked_for(self) -> bool:
         """Return whether the branch is to look as soon as it may.
@@ -382,9 +382,10 @@ class Branch:
 
     def due_variables(self) -> list[str]:
         """Return the variables of the branch that are due because of events, whether or not they are needed."""
-        services, now_s = self.observer.services, self.observer.services.now_s()
-        readings = (services.cells[variable].observed.at(now_s) for variable in self.identifies)
-        return [reading.name for reading in readings if services.event_triggers.is_due(reading)]
+        services = self.observer.services
+        now_s, is_due = services.now_s(), services.event_triggers.is_due
+        readings = [cell.observed.at(now_s) for cell in self._own_cells]
+        return [reading.name for reading in readings if is_due(reading)]
 
     def _drop_job(self) -> JobRun | None:
         job_run, self._job_run = self._job_run, None
@@ -397,6 +398,11 @@ class Branch:
             if job_run.start_s is not None:  # when a job has started, its branch is no longer due
                 self.last_start_s, self._is_fresh = job_run.start_s, False
         return job_run
+
+    @cached_property
+    def _own_cells(self) -> list[Cell]:
+        """The cells of the variables that the branch identifies; it is needed only after all were added."""
+        return [self.observer.services.cells[name] for name in self.identifies]
 
     @cached_property
     def _condition_cells(self) -> list[Cell]:

@@ -45,7 +45,7 @@ class Forest:
             models: the observers.
             services: the part of the context manager that observers use.
             clock: real or simulated time.
-            commit: called after each round, with the readings that observers wrote in this round.
+            commit: called after each round in which observers wrote readings, with these readings.
             on_stop: called for each observer that has stopped.
         """
         self._clock = clock
@@ -148,7 +148,8 @@ class Forest:
         visited_variables, pending_variables = {variable}, [variable]
         while pending_variables:
             name = pending_variables.pop()
-            if any(reader in declarations for reader in self._derived_readers.get(name, (name,))):
+            derived_readers = self._derived_readers.get(name)
+            if name in declarations or (derived_readers and any(map(declarations.__contains__, derived_readers))):
                 return True
             for observer in self._observers_by_need.get(name, ()):
                 for branch in observer.branches_asking_for(name):
@@ -203,7 +204,9 @@ class Forest:
             )
             names, self._names_to_tick = sorted(names_with_suppliers, key=self._position_by_name.__getitem__), set()
             now_s = self._clock.now_s()
-            self._commit([reading for name in names for reading in self._tick(self._observers[name], now_s)])
+            readings = [reading for name in names for reading in self._tick(self._observers[name], now_s)]
+            if readings:
+                self._commit(readings)
         return False
 
     def _tick(self, observer: Observer, now_s: float) -> list[Reading[Value]]:

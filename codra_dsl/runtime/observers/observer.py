@@ -245,8 +245,11 @@ class Observer:
         """Return when a tick will next have an effect if nothing changes before; None if there is no such instant."""
         if not self.is_wanted or self._failure is not None:
             return None
-        waits_s = (term.flips_s(self._context_now) for term in self._age_sensitive_terms)
-        instants = [self.now_s + wait_s for wait_s in waits_s if wait_s]
+        instants = []
+        for term in self._age_sensitive_terms:
+            wait_s = term.flips_s(self._context_now)
+            if wait_s:
+                instants.append(self.now_s + wait_s)
         for branch in self._branches:
             start_s = branch.earliest_start_s()
             if start_s <= self.now_s or branch.is_rival_busy:

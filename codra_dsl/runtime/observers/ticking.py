@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Sequence
+from py_trees.composites import Composite, Selector, Sequence
 
 FAILURE, INVALID, RUNNING, SUCCESS = Status.FAILURE, Status.INVALID, Status.RUNNING, Status.SUCCESS
 """Every tick needs these several times, and looking up a member of an enum takes longer than calling a function."""
@@ -22,6 +22,8 @@ def tick(node: Behaviour) -> None:
         _tick_leaf(node)
     elif type(node) is Sequence and not node.memory:
         _tick_sequence(node)
+    elif type(node) is Selector and not node.memory:
+        _tick_selector(node)
     else:
         node.tick_once()
 
@@ -74,7 +76,40 @@ def _tick_sequence(sequence: Sequence) -> None:
     sequence.status = status
 
 
+def _tick_selector(selector: Selector) -> None:
+    """Tick a selector without memory: its children in order, up to the first one that does not fail."""
+    children = selector.children
+    if selector.status is not RUNNING:
+        selector.current_child = children[0] if children else None
+        selector.initialise()
+    previous_child, status = selector.current_child, FAILURE
+    selector.current_child = children[-1] if children else None
+    for position, child in enumerate(children, start=1):
+        tick(child)
+        status = child.status
+        if status is not FAILURE:
+            selector.current_child = child
+            if child is not previous_child:
+                _invalidate(children[position:])
+            break
+    if status is not RUNNING:
+        selector.terminate(status)
+    selector.status = status
+
+
 def _invalidate(children: list[Behaviour]) -> None:
     for child in children:
-        if child.status is not INVALID:
+        if child.status is INVALID:
+            continue
+        if type(child) is Sequence or type(child) is Selector:
+            _stop(child)
+        else:
             child.stop(INVALID)
+
+
+def _stop(composite: Composite) -> None:
+    """Interrupt a composite and its children."""
+    composite.current_child = None
+    _invalidate(composite.children)
+    composite.terminate(INVALID)
+    composite.status = INVALID

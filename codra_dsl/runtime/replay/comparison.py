@@ -129,9 +129,11 @@ class Comparison(EventLog):
 
     def _compare(self, event: Event) -> None:
         recorded_event = self._recording.next_expected_event()
-        if recorded_event is not None and not recorded_event.is_equal(event):
+        is_equal = recorded_event is not None and recorded_event.is_equal(event)
+        if recorded_event is not None and not is_equal:
             recorded_event = self._recording.next_readable_event()
-        if recorded_event is not None and recorded_event.is_equal(event):
+            is_equal = recorded_event is not None and recorded_event.is_equal(event)
+        if is_equal:
             self._recording.drop_expected_event()
             self.position += 1
             self.compared += event.instant_s >= self._from_s

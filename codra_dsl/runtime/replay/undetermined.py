@@ -110,6 +110,8 @@ class Undetermined:
 
     def add_event(self, event: Event) -> None:
         """Handle an event of the replay: evidence of the run may determine a variable again."""
+        if not (self.variables or self.assumed_variables or self._assumed_algorithms):
+            return  # nothing is doubtful, as before most first differences
         if event.kind is not Kind.VARIABLE or event.what != "identified" or not event.details.get("present"):
             return
         variable, source = event.name, event.details["source"]

@@ -375,7 +375,7 @@ class Cell:
     def complete_from_s(self) -> float:
         """Return the instant since which the history is complete."""
         complete_from_s = self._readings[0].evidence_s if self._has_dropped_readings else BEFORE_ALL_S
-        return max(complete_from_s, self._overrides_complete_from_s)
+        return max(complete_from_s, self._overrides_complete_from_s) if self._override_spans else complete_from_s
 
     @property
     def _overrides_complete_from_s(self) -> float:

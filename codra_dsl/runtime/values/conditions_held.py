@@ -8,7 +8,6 @@ the evidence. A failure that becomes known only after its instant has the same e
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 
 from codra_dsl.logic import Term, Value, reads_ages
@@ -16,12 +15,17 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Override, Reading
 from codra_dsl.runtime.values.derived import ContextAt, DerivedCell, derived_cells_among, with_inputs
 
 
-@dataclass(frozen=True, slots=True)
 class ContextNow:
-    """The context as it is now."""
+    """The context as it is now.
 
-    cells: Mapping[str, Cell]
-    now_s: float
+    Each tick creates one, so this is no frozen dataclass, which sets its fields by calls.
+    """
+
+    __slots__ = ("cells", "now_s")
+
+    def __init__(self, cells: Mapping[str, Cell], now_s: float) -> None:
+        self.cells = cells
+        self.now_s = now_s
 
     def value(self, name: str) -> Value | None:
         """Return the present value of a variable, or None if it is unknown."""
@@ -162,6 +166,7 @@ class ObservabilityMonitor:
 
     def __init__(self, term: Term) -> None:
         self._term = term
+        self._plain_cells: list[Cell] | None = None  # the cells that the condition reads, if none of them is derived
         self._checked_evidence: tuple[float, str, int] | None = None
         self._checked_until_s = BEFORE_ALL_S
         self._has_held_at_check = False
@@ -176,8 +181,7 @@ class ObservabilityMonitor:
                 value from another writer is lost only if the condition has held and then fails.
             now_s: the present instant.
         """
-        names, has_ages = _reads(self._term, cells)
-        read_cells = [cells[name] for name in names]
+        read_cells, has_ages = self._reads(cells)
         evidence = (reading.evidence_s, reading.source, sum([cell.late_reading_count for cell in read_cells]))
         # late readings change the past, so their number is a part of this key: when it changes, the time since the
         # evidence is checked again, so that the result does not depend on the instants of the checks
@@ -190,3 +194,13 @@ class ObservabilityMonitor:
         if not has_ages and all(_covers_interval(cell, start_s, now_s) for cell in read_cells):
             return start_s if had_held and not is_held else None
         return first_loss_s(self._term, cells, start_s, now_s, had_held)
+
+    def _reads(self, cells: Mapping[str, Cell]) -> tuple[list[Cell], bool]:
+        """Return the cells that determine the condition, and whether it depends on an age."""
+        if self._plain_cells is not None:
+            return self._plain_cells, self._term.reads[1]
+        names, has_ages = _reads(self._term, cells)
+        read_cells = [cells[name] for name in names]
+        if not any(isinstance(cells[name], DerivedCell) for name in self._term.variables()):
+            self._plain_cells = read_cells
+        return read_cells, has_ages

@@ -11,9 +11,8 @@ from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER
 from codra_dsl.language.check.names.names import OPERATOR
 from codra_dsl.language.check.symbols import VALUES, Symbol
 from codra_dsl.language.diagnostics import Diagnostic, Edit
-from codra_dsl.language.expression import Compare, In, names_in, walk
+from codra_dsl.language.expression import Compare, In, is_identifier, names_in, walk
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.load.yaml.origin import NOUNS
 from codra_dsl.tooling.language_server.documents import Document
 from codra_dsl.tooling.language_server.index import Cursor, Index, Range, SpecNames

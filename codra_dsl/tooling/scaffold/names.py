@@ -5,9 +5,8 @@ from __future__ import annotations
 import keyword
 import re
 
-from codra_dsl.language.expression import FUNCTIONS
+from codra_dsl.language.expression import FUNCTIONS, MAX_NAME, is_identifier
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
 
 _NON_ALPHANUMERICS = re.compile(r"[^A-Za-z0-9]+")
 

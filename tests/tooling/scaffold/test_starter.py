@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl import __version__
-from codra_dsl.language.load.yaml.names import is_identifier
+from codra_dsl.language.expression import is_identifier
 from codra_dsl.tooling.installation import papers_origin_text, pip_install, requirement_from_origin
 from codra_dsl.tooling.scaffold import (
     ImproperNameError,

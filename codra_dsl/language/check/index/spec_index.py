@@ -27,10 +27,9 @@ from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.parsed_rules import ParsedRules
 from codra_dsl.language.check.index.words import NOUNS, texts_of
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.expression import Name, Node, Text, names_in, spelt_out, variables_in, walk
+from codra_dsl.language.expression import Name, Node, Text, is_identifier, names_in, spelt_out, variables_in, walk
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.misspelt_names import Vocabulary
-from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import (
     Agent,
     Algorithm,

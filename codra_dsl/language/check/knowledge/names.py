@@ -21,9 +21,8 @@ from codra_dsl.language.check.knowledge.mentions import (
     type_mentions,
 )
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, is_slip, suggest
-from codra_dsl.language.expression import Node, reads_of
+from codra_dsl.language.expression import Node, is_identifier, reads_of
 from codra_dsl.language.frozen import dataclass
-from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import RT, TASK_ATTRIBUTES, TASK_TYPE, Kind
 
 _STATE_SYNONYMS: Mapping[str, str] = {

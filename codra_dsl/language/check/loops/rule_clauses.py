@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from codra_dsl.language.check.loops.rule_names import RuleNames
+from codra_dsl.language.check.loops.rule_names import Mistake, RuleNames
 from codra_dsl.language.diagnostics import Related
 from codra_dsl.language.expression import (
     Arithmetic,
@@ -28,6 +28,7 @@ from codra_dsl.language.expression import (
     to_text,
 )
 from codra_dsl.language.expression.poses import map_parts
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.words import Hedge
 from codra_dsl.language.load.yaml.traps import quote_text
 from codra_dsl.language.model import Kind
@@ -89,18 +90,6 @@ _CONCLUSION = re.compile(
     r"(?:\s+with\s+[^\s(),]+)?(?:\s*(?P<rest>(?:,|\b(?:and|or|else)\b).*))?\s*",
     _FLAGS,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Mistake:
-    """A mistake in a rule; `start` and `end` are offsets in the rule's text."""
-
-    start: int
-    end: int
-    message: str
-    help: str
-    is_unknown_name: bool = False
-    related: tuple[Related, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

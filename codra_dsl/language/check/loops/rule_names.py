@@ -8,7 +8,7 @@ from functools import cached_property
 from codra_dsl.language.check.index.parsed_rules import output_terms
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.index.words import USERS
-from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.diagnostics import Related, suggest
 from codra_dsl.language.expression import is_name
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.source import MAX_LISTED, shown
@@ -17,6 +17,18 @@ from codra_dsl.language.model import Kind, Output, Variable
 RULE_SYNTAX_HELP = "write 'if VARIABLE is TERM then TERM'"
 
 _TRUTH_WORDS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """A mistake in a rule; `start` and `end` are offsets in the rule's text."""
+
+    start: int
+    end: int
+    message: str
+    help: str
+    is_unknown_name: bool = False
+    related: tuple[Related, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from dataclasses import replace
 from codra_dsl.language.check.index.parsed_rules import ParsedRule
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.loops.rule_clauses import MAX_LENGTH, Mistake, RuleText
-from codra_dsl.language.check.loops.rule_names import RULE_SYNTAX_HELP, RuleNames
+from codra_dsl.language.check.loops.rule_names import RULE_SYNTAX_HELP, Mistake, RuleNames
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression.tokens import with_escapes
 
@@ -53,6 +52,9 @@ def _mistakes(rule: ParsedRule, names: RuleNames) -> Iterator[Mistake]:
     Findings of the parser are left out in parts with other mistakes, and after a part that the parser cannot read.
     Parentheses enclose several parts, so they are checked in the complete rule.
     """
+    # slow to import, because of its regular expressions, and needed only if the parser could not read a rule
+    from codra_dsl.language.check.loops.rule_clauses import MAX_LENGTH, RuleText  # noqa: PLC0415
+
     text = rule.phrase.text
     parts = RuleText(text, names).parts() if len(text) <= MAX_LENGTH else ()
     problems = dict(_parser_mistake(text, problem, names) for problem in rule.problems)

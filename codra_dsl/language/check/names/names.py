@@ -24,8 +24,8 @@ from codra_dsl.language.check.index.words import NOUNS, declaration_help
 from codra_dsl.language.check.names.misspelt import find_misspelt_declarations, misspelt_finding
 from codra_dsl.language.check.types.literals import LiteralHelp, compared_literal_help, intended_literal_help
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, is_slip
+from codra_dsl.language.expression import is_identifier
 from codra_dsl.language.load.templates.templates import INSTANCE
-from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.load.yaml.traps import is_derivation
 from codra_dsl.language.model import ADAPTER, ANALYST, Access, Agent, Algorithm, Resource, Variable
 

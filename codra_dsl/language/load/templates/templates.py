@@ -16,6 +16,7 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.expression import is_identifier
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.document import KEYS, SECTIONS, section_of
@@ -28,7 +29,7 @@ from codra_dsl.language.load.templates.parameters import (
     repair_parameter,
 )
 from codra_dsl.language.load.yaml.findings import Findings
-from codra_dsl.language.load.yaml.names import check_name, is_identifier
+from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import LetterRuns, MappingNode, ScalarNode, SequenceNode, YamlNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries, is_unread

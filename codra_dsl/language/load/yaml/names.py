@@ -5,24 +5,15 @@ from __future__ import annotations
 import keyword
 import re
 
-from codra_dsl.language.expression import FUNCTIONS
+from codra_dsl.language.expression import FUNCTIONS, MAX_NAME, is_identifier
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.origin import Subject
 
-MAX_NAME = 100
-"""The maximum length of a name. Names become parts of file names."""
-
-_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LITERALS = frozenset({"true", "false", "null"})
 _RESERVED = frozenset({*keyword.kwlist, *FUNCTIONS, *_LITERALS})
 _FOREIGN_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
-
-
-def is_identifier(name: str) -> bool:
-    """Return whether a spec may declare something with this name."""
-    return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and name not in _RESERVED
 
 
 def check_name(node: ScalarNode, owner: Subject | str, subject: Subject, findings: Findings, *steps: str) -> bool:
