@@ -55,7 +55,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills namespaces signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
+.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills namespaces cluster signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -142,6 +142,11 @@ crowd: $(READY)
 clients: $(READY)
 	$(BIN)/python -m tests.campaigns.clients 2000
 
+# Trials on two Dask workers in network namespaces of their own: the same bytes as local ones, although a worker and then
+# the scheduler are killed?
+cluster: $(READY)
+	$(BIN)/python -m tests.campaigns.cluster
+
 # The store's situations with other seeds than those of the tests, and some longer runs: does every run end as the tests state?
 STORES ?=
 stores: $(READY)
@@ -194,7 +199,7 @@ tagged:
 sbom: $(READY) $(RELEASE_READY)
 	$(PYTHON) -m venv --clear --without-pip build/sbom
 	sed -n 's/^\([^ ].*\) \\$$/\1/p' $(LOCK) >build/sbom/constraints.txt
-	for wheel in dist/codra_dsl-*.whl "$$(echo dist/codra_papers-*.whl)[lab,store]"; do \
+	for wheel in dist/codra_dsl-*.whl "$$(echo dist/codra_papers-*.whl)[cluster,lab,store]"; do \
 	    $(BIN)/python -m pip --python build/sbom install --quiet --no-compile \
 	        --constraint build/sbom/constraints.txt "$$wheel" && \
 	    rm build/sbom/lib/python*/site-packages/codra_*.dist-info/direct_url.json && \
@@ -206,7 +211,7 @@ sbom: $(READY) $(RELEASE_READY)
 LOCKED = $(RELEASE)/bin/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
     --no-annotate --no-header
 lock: $(RELEASE_READY)
-	echo '.[dev,docs] ./codra_papers[lab,store]' | tr ' ' '\n' | \
+	echo '.[dev,docs] ./codra_papers[cluster,lab,store]' | tr ' ' '\n' | \
 	    $(LOCKED) --no-emit-package codra-dsl --no-emit-package codra-papers --output-file $(LOCK) -
 	$(LOCKED) --group release --output-file $(RELEASE_LOCK)
 

@@ -7,7 +7,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -28,7 +29,7 @@ from codra_dsl.cli.options import ColourOption
 from codra_papers.cli.lab import require_lab_spec
 
 if TYPE_CHECKING:
-    from codra_papers.experiments.campaign.campaign import Progress
+    from codra_papers.experiments.campaign.campaign import Progress, Runner
     from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial, Experiment, Settings
     from codra_papers.experiments.campaign.workers import TrialError
 
@@ -36,7 +37,8 @@ NameArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="NAME",
-        help="The experiment, or 'module:CONSTANT' for your own experiment. Without NAME, all experiments are listed.",
+        help="The experiment, 'module:CONSTANT' for your own experiment, or 'all'. Without NAME, all experiments are "
+        "listed.",
         show_default=False,
     ),
 ]
@@ -66,12 +68,78 @@ ProcessesOption = Annotated[
 ]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="The folder of the results.  [default: runs/NAME]", show_default=False),
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        help="The folder of the results; for 'all', of the folders NAME.  [default: runs/NAME]",
+        show_default=False,
+    ),
 ]
 TrialOption = Annotated[
     str | None,
     typer.Option("--trial", metavar="TRIAL", help="Run only this trial, and write no report.", show_default=False),
 ]
+
+
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Run the trials on the workers of a Dask cluster: the address of its scheduler, e.g. tcp://HOST:8786.",
+        show_default=False,
+    ),
+]
+QuickOption = Annotated[
+    bool,
+    typer.Option("--quick", help="Run few trials, which show each effect with wide intervals, into runs/quick/NAME."),
+]
+_ALL = "all"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Options:
+    """The options of a call.
+
+    Attributes:
+        seeds: the number of further seeds; None for the default of the experiment.
+        processes: how many trials run at once on this machine; None for one per core.
+        out: the folder of the results; None for the default.
+        cluster: the address of the scheduler of a cluster; None to run trials on this machine.
+        is_quick: whether only few trials run.
+    """
+
+    seeds: int | None
+    processes: int | None
+    out: Path | None
+    cluster: str | None
+    is_quick: bool
+
+    def settings(self, experiment: Experiment, spec: Path) -> Settings:
+        """Return the settings of an experiment, after making its folder."""
+        from codra_papers.experiments.campaign.experiment import Settings
+
+        folder = self.out or Path("runs", "quick" if self.is_quick else "", experiment.name)
+        default_seeds = experiment.quick_seeds if self.is_quick else experiment.seeds
+        return Settings(
+            spec=spec,
+            seeds=default_seeds if self.seeds is None else self.seeds,
+            folder=made_folder(folder),
+            is_quick=self.is_quick,
+        )
+
+    def runner(self) -> Runner:
+        """Return the function that runs trials."""
+        from codra_papers.experiments.campaign.campaign import cores, local_processes
+
+        if self.cluster is None:
+            return local_processes(self.processes or cores())
+        try:
+            from codra_papers.experiments.campaign.cluster import run_on_cluster
+        except ModuleNotFoundError as error:
+            say(f"codra: '--cluster' needs {error.name}: {pip_install('codra-papers', 'cluster')}")
+            raise typer.Exit(ExitCode.FAILED) from error
+        return partial(run_on_cluster, address=self.cluster, notify=lambda sentence: say(f"codra: {sentence}"))
 
 
 @dataclass(slots=True)
@@ -104,6 +172,8 @@ def experiment_command(
     processes: ProcessesOption = None,
     out: OutOption = None,
     trial: TrialOption = None,
+    cluster: ClusterOption = None,
+    quick: QuickOption = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Run an experiment and report its results. To continue a stopped run, run the same command again."""
@@ -111,20 +181,50 @@ def experiment_command(
     if name is None:
         write_result(_experiment_list(known_experiments))
         return
-    if ":" not in name and name not in known_experiments:
+    if name not in (_ALL, *known_experiments) and ":" not in name:
         _refuse_name(name, known_experiments)
+    if cluster is not None and processes is not None:
+        raise typer.BadParameter("the workers of a cluster have their own numbers of threads", param_hint="--processes")
+    options = _Options(seeds=seeds, processes=processes, out=out, cluster=cluster, is_quick=quick)
+    if name == _ALL:
+        if trial is not None or spec is not None:
+            raise typer.BadParameter("'all' takes neither --trial nor --spec: name one experiment", param_hint="NAME")
+        _run_all(known_experiments, options, color)
+        return
     experiment = known_experiments.get(name)
-    (spec,) = existing([spec or Path("specs") / f"{experiment.world if experiment else 'lab'}.yaml"])
-    root = common_root([spec])
-    sys.path.append(str(root))  # the robot's own perception functions may be next to its specs
+    spec, root = _spec_and_root(spec, experiment.world if experiment else "lab")
     experiment = experiment or _project_experiment(name)
     _check_spec(experiment, spec, root, color)
-    folder = made_folder(out if out is not None else Path("runs") / experiment.name)
-    settings = _settings(experiment, spec, seeds, folder)
+    settings, command = options.settings(experiment, spec), ("codra", *sys.argv[1:])
     if trial is None:
-        _report(experiment, settings, root, processes)
+        _report(experiment, settings, root, options, command)
     else:
-        _run_alone(_trial_named(trial, experiment, settings, processes), settings)
+        runner = options.runner()
+        _run_alone(_trial_named(trial, experiment, settings, runner, command), settings, runner, command)
+
+
+def _run_all(known_experiments: Mapping[str, Experiment], options: _Options, color: Colour) -> None:
+    """Run all experiments, one after the other. Specs are checked before the first trial."""
+    specs = {name: _spec_and_root(None, experiment.world) for name, experiment in known_experiments.items()}
+    for name, experiment in known_experiments.items():
+        _check_spec(experiment, *specs[name], color)
+    for number, (name, experiment) in enumerate(known_experiments.items(), 1):
+        say(f"{number} of {len(known_experiments)}: {name}")
+        spec, root = specs[name]
+        own_options = replace(options, out=options.out and options.out / name)
+        command = ["codra", *(name if argument == _ALL else argument for argument in sys.argv[1:])]
+        if own_options.out is not None:
+            command += ["--out", str(own_options.out)]  # the last `--out` counts
+        _report(experiment, own_options.settings(experiment, spec), root, own_options, command)
+
+
+def _spec_and_root(spec: Path | None, world: str) -> tuple[Path, Path]:
+    """Return the spec under test and its project, from which the robot's own perception functions are imported."""
+    (spec,) = existing([spec or Path("specs") / f"{world}.yaml"])
+    root = common_root([spec])
+    if str(root) not in sys.path:
+        sys.path.append(str(root))
+    return spec, root
 
 
 def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -> None:
@@ -180,13 +280,9 @@ def _project_experiment(reference: str) -> Experiment:
         raise typer.BadParameter(str(error), param_hint="NAME") from error
 
 
-def _settings(experiment: Experiment, spec: Path, seeds: int | None, folder: Path) -> Settings:
-    from codra_papers.experiments.campaign.experiment import Settings
-
-    return Settings(spec=spec, seeds=experiment.seeds if seeds is None else seeds, folder=folder)
-
-
-def _trial_named(name: str, experiment: Experiment, settings: Settings, processes: int | None) -> AnyTrial:
+def _trial_named(
+    name: str, experiment: Experiment, settings: Settings, runner: Runner, command: Sequence[str]
+) -> AnyTrial:
     """Return a trial by its name.
 
     If no first trial has this name, the first trials are run, because further trials depend on their outcomes.
@@ -195,7 +291,7 @@ def _trial_named(name: str, experiment: Experiment, settings: Settings, processe
 
     trials_by_name = {trial.name: trial for trial in _trials(experiment, settings)}
     if name not in trials_by_name and experiment.then is not None:
-        outcomes = _outcomes([*trials_by_name.values()], settings.folder, processes, _TrialProgress())
+        outcomes = _outcomes([*trials_by_name.values()], settings.folder, runner, _TrialProgress(), command)
         trials_by_name |= {trial.name: trial for trial in _further_trials(experiment, settings, outcomes)}
     if name not in trials_by_name:
         suggestion = suggest(name, trials_by_name)
@@ -208,15 +304,15 @@ def _trial_named(name: str, experiment: Experiment, settings: Settings, processe
     return trials_by_name[name]
 
 
-def _run_alone(trial: AnyTrial, settings: Settings) -> None:
-    outcome = _outcomes([trial], settings.folder, 1, _TrialProgress())[trial.name]
+def _run_alone(trial: AnyTrial, settings: Settings, runner: Runner, command: Sequence[str]) -> None:
+    outcome = _outcomes([trial], settings.folder, runner, _TrialProgress(), command)[trial.name]
     end_text = f", ended by: {outcome.error}" if outcome.error else ""
     write_result(
         f"trial '{trial.name}' (seed {trial.seed}): {outcome.duration_s:.1f} s, {outcome.loops} loops{end_text}\n"
     )
 
 
-def _report(experiment: Experiment, settings: Settings, root: Path, processes: int | None) -> None:
+def _report(experiment: Experiment, settings: Settings, root: Path, options: _Options, command: Sequence[str]) -> None:
     """Run the trials that have no record, judge all outcomes, and write the report."""
     from codra_papers.experiments.campaign.campaign import cores
     from codra_papers.experiments.campaign.provenance import Provenance, revision_of, versions
@@ -226,30 +322,40 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     revision = revision_of(root, settings.folder)
     trials = _trials(experiment, settings)
     trial_progress = _TrialProgress()
-    process_count = processes or cores()
-    outcomes = _outcomes(trials, settings.folder, process_count, trial_progress)
+    runner = options.runner()
+    outcomes = _outcomes(trials, settings.folder, runner, trial_progress, command)
     reused_trial_count = trial_progress.reused_trial_count()
     if further_trials := _further_trials(experiment, settings, outcomes):
         trials = [*trials, *further_trials]
-        outcomes = {**outcomes, **_outcomes(further_trials, settings.folder, process_count, trial_progress)}
+        outcomes = {**outcomes, **_outcomes(further_trials, settings.folder, runner, trial_progress, command)}
         reused_trial_count += trial_progress.reused_trial_count()
     provenance = Provenance(
-        command=shlex.join(("codra", *sys.argv[1:])),
+        command=shlex.join(command),
         spec=settings.spec.absolute().relative_to(root).as_posix(),
         versions=versions(),
         code=code_digest(),
         revision=revision,
         seeds=sorted({trial.seed for trial in trials}),
         cores=cores(),
-        processes=process_count,
+        processes=options.processes or cores(),
+        cluster=options.cluster,
         elapsed_s=trial_progress.elapsed_s(),
         reused_trial_count=reused_trial_count,
     )
     with _reporting_errors(settings.folder, trial_progress):
         document = experiment.judge(settings, outcomes)
+        if settings.is_quick:
+            document = replace(document, summary=(_quick_note(experiment, outcomes), *document.summary))
         paths = write_results(settings.folder, experiment, document, outcomes, provenance)
     write_result("".join(f"{sentence}\n" for sentence in document.summary))
     say("\n".join(path.as_posix() for path in paths))
+
+
+def _quick_note(experiment: Experiment, outcomes: Mapping[str, AnyOutcome]) -> str:
+    return (
+        f"This is a quick report with few trials ({len(outcomes)}). It shows effects with wide intervals or none; "
+        f"'codra experiment {experiment.name}' makes the complete report."
+    )
 
 
 def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
@@ -267,20 +373,24 @@ def _further_trials(
 
 
 def _outcomes(
-    trials: Sequence[AnyTrial], folder: Path, processes: int | None, trial_progress: _TrialProgress
+    trials: Sequence[AnyTrial],
+    folder: Path,
+    runner: Runner,
+    trial_progress: _TrialProgress,
+    command: Sequence[str],
 ) -> Mapping[str, AnyOutcome]:
     from codra_papers.experiments.campaign.campaign import run_campaign
 
-    with _reporting_errors(folder, trial_progress), _progress_bar(trial_progress) as show:
-        return run_campaign(trials, folder, processes=processes, progress=show)
+    with _reporting_errors(folder, trial_progress, command), _progress_bar(trial_progress) as show:
+        return run_campaign(trials, folder, run=runner, progress=show)
 
 
 @contextmanager
-def _reporting_errors(folder: Path, trial_progress: _TrialProgress) -> Iterator[None]:
+def _reporting_errors(folder: Path, trial_progress: _TrialProgress, command: Sequence[str] = ()) -> Iterator[None]:
     """End the command with a message if an error or an interrupt ends the block that runs trials or writes results."""
     from codra_dsl.integrations.inspection import SpecError
     from codra_papers.experiments.campaign.campaign import CampaignBusyError
-    from codra_papers.experiments.campaign.workers import TrialError
+    from codra_papers.experiments.campaign.workers import ClusterError, TrialError
 
     code = ExitCode.FAILED
     try:
@@ -289,7 +399,9 @@ def _reporting_errors(folder: Path, trial_progress: _TrialProgress) -> Iterator[
     except KeyboardInterrupt:
         code, message = ExitCode.INTERRUPTED, f"interrupted; {trial_progress.kept_text()}"
     except TrialError as error:
-        message = f"{error}{_help_text(error)}"
+        message = f"{error}{_help_text(error, command)}"
+    except ClusterError as error:
+        message = f"{error}; {trial_progress.kept_text()}"
     except (CampaignBusyError, SpecError) as error:
         message = str(error)
     except BrokenPipeError:
@@ -300,9 +412,8 @@ def _reporting_errors(folder: Path, trial_progress: _TrialProgress) -> Iterator[
     raise typer.Exit(code)
 
 
-def _help_text(error: TrialError) -> str:
+def _help_text(error: TrialError, command: Sequence[str]) -> str:
     details_text = f"; the traceback is in '{error.details}'" if error.details else ""
-    command = ["codra", *sys.argv[1:]]
     trial_command = command if "--trial" in command else [*command, "--trial", error.trial.name]
     return f"{details_text}; to run it alone: {shlex.join(trial_command)}"
 

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,10 @@ TRIALS = "trials"
 """The name of the folder for the records and frames of trials, within the folder of an experiment."""
 
 _STAGING = ".codra-"
+
+Runner = Callable[[Sequence[TrialRecord], Path], Iterator[AnyOutcome]]
+"""A function that runs trials, stores each record, and yields each outcome as soon as its trial is done. It gets the
+records, and an empty folder for temporary files on the same disk."""
 
 
 class CampaignBusyError(Exception):
@@ -44,18 +49,23 @@ class Progress:
     latest: str
 
 
+def local_processes(processes: int) -> Runner:
+    """Return a function that runs trials on this machine, `processes` of them at once."""
+    return partial(run_in_processes, processes=processes)
+
+
 def run_campaign(
-    trials: Sequence[AnyTrial], folder: Path, *, processes: int | None = None, progress: Callable[[Progress], None]
+    trials: Sequence[AnyTrial], folder: Path, *, run: Runner, progress: Callable[[Progress], None]
 ) -> Mapping[str, Any]:
     """Run all trials that have no valid record, and return the outcomes of all trials in the given order.
 
     The key of an outcome is the name of its trial. A record is valid if it was made from the same trial, spec, code and
-    libraries. An outcome does not depend on the number of processes or on the other trials.
+    libraries. An outcome does not depend on the other trials, or on the machine and the process that ran it.
 
     Args:
         trials: the trials; their names must differ and be valid file names.
         folder: the folder of the experiment; the records are written to its subfolder `trials`.
-        processes: how many trials run at once; None for one per core.
+        run: the function that runs trials, e.g. `local_processes(2)`.
         progress: a function that is called at the start and after each trial.
 
     Raises:
@@ -64,6 +74,8 @@ def run_campaign(
         CampaignBusyError: if another program runs trials in the same folder.
         TrialError: if a trial fails; the records of the trials that were completed before this trial are kept.
         OSError: if a file cannot be written.
+
+    Other errors of `run` are passed on.
     """
     _check_names([trial.name for trial in trials])
     trials_folder = folder / TRIALS
@@ -74,7 +86,7 @@ def run_campaign(
         reused_trial_count = len(outcomes)
         progress(Progress(done=reused_trial_count, total=len(trials), reused_trial_count=reused_trial_count, latest=""))
         missing_records = [record for record in records if record.trial.name not in outcomes]
-        for outcome in _run_missing_trials(missing_records, trials_folder, processes or cores()):
+        for outcome in _run_missing_trials(missing_records, trials_folder, run):
             outcomes[outcome.name] = outcome
             progress(
                 Progress(
@@ -90,13 +102,13 @@ def cores() -> int:
 
 
 def _run_missing_trials(
-    missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int
+    missing_records: Sequence[TrialRecord], trials_folder: Path, run: Runner
 ) -> Iterator[AnyOutcome]:
     """Run trials, and yield each outcome. A temporary folder of the trials is removed at the end, or after an error."""
     if not missing_records:
         return
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=trials_folder) as staging:
-        yield from run_in_processes(missing_records, Path(staging), processes)
+        yield from run(missing_records, Path(staging))
 
 
 def _check_names(names: Sequence[str]) -> None:

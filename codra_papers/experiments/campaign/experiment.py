@@ -104,11 +104,13 @@ class Settings:
         spec: the file of the spec under test.
         seeds: the number of further seeds for confidence intervals; each experiment defines their use.
         folder: the folder for everything that the experiment writes.
+        is_quick: whether only few trials are wanted, which show each effect.
     """
 
     spec: Path
     seeds: int
     folder: Path
+    is_quick: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +127,9 @@ class Experiment:
         then: a function that returns further trials, which depend on the outcomes of the first trials, e.g. trials that
             use the result of a search; None if there are no further trials.
         world: the world in which the trials run.
+        quick_seeds: the number of further seeds with `--quick`. If fewer seeds do not make an experiment quick enough,
+            `trials`, `then` and `judge` leave out more if `Settings.is_quick` is true. Together, the quick trials of
+            all experiments take at most 15 minutes on two cores.
     """
 
     name: str
@@ -134,3 +139,4 @@ class Experiment:
     judge: Callable[[Settings, Mapping[str, Any]], Document]
     then: Callable[[Settings, Mapping[str, Any]], Sequence[AnyTrial]] | None = None
     world: World = World.LAB
+    quick_seeds: int = 1

@@ -219,7 +219,11 @@ def _provenance_section(provenance: Provenance) -> Section:
         *((name, version) for name, version in provenance.versions.items()),
         ("Code of codra", f"SHA-256 {provenance.code}"),
         ("Seeds", ", ".join(map(str, provenance.seeds))),
-        ("Cores", f"{provenance.cores}; {provenance.processes} processes at once"),
+        (
+            ("Cores", f"{provenance.cores}; {provenance.processes} processes at once")
+            if provenance.cluster is None
+            else ("Cluster", provenance.cluster)
+        ),
         ("Time", f"{provenance.elapsed_s:.0f} s for the trials that this call ran{reused_text}"),
     ]
     caption = "The inputs of this report. The same command, code and versions give the same results."

@@ -41,7 +41,8 @@ class Provenance:
         revision: the state of the project's working tree; None if the project is in no repository.
         seeds: the seeds of all trials.
         cores: how many cores the machine offers.
-        processes: how many trials ran at once.
+        processes: how many trials ran at once on this machine.
+        cluster: the address of the scheduler of the cluster that ran the trials; None if this machine ran them.
         elapsed_s: the duration of this call, without the time for judging the outcomes and rendering the page.
         reused_trial_count: how many trials had been run before this call.
     """
@@ -56,6 +57,7 @@ class Provenance:
     processes: int
     elapsed_s: float
     reused_trial_count: int
+    cluster: str | None = None
 
 
 def versions() -> Mapping[str, str]:

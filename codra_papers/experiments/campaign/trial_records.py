@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -23,6 +23,9 @@ _LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-pyt
 
 PACKAGE_FOLDERS = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
 """The folders of the packages whose code is part of a digest."""
+
+RECORD, FRAMES = "record", "frames"
+"""The names of a record and of the folder of its frames in a temporary folder, before the record is kept."""
 
 
 class ChangedMeanwhileError(Exception):
@@ -87,15 +90,19 @@ class TrialRecord:
         Raises:
             ChangedMeanwhileError: if the inputs of the trial changed while it ran.
         """
-        text = self.trial.run(staging / "frames").to_json()
+        text = self.trial.run(staging / FRAMES).to_json()
         if _digest_of_trial(self.trial, _spec_digest(self.trial.spec)) != self.digest:
             raise ChangedMeanwhileError("its spec, or code that it depends on, was changed while it ran")
-        (staging / "record").write_text(f"{self._first_line(text)}\n{text}", encoding="utf-8")
+        (staging / RECORD).write_text(f"{self._first_line(text)}\n{text}", encoding="utf-8")
+        self.keep(staging)
+
+    def keep(self, staging: Path) -> None:
+        """Move a complete record into its folder: the file `RECORD`, and the folder `FRAMES` if there are frames."""
         self.path.unlink(missing_ok=True)
         shutil.rmtree(self.frames_folder, ignore_errors=True)
-        if (staging / "frames").exists():
-            (staging / "frames").replace(self.frames_folder)
-        (staging / "record").replace(self.path)
+        if (staging / FRAMES).exists():
+            (staging / FRAMES).replace(self.frames_folder)
+        (staging / RECORD).replace(self.path)
         self.error_path.unlink(missing_ok=True)
 
     def _first_line(self, text: str) -> str:
@@ -123,7 +130,7 @@ def _digest_of_trial(trial: AnyTrial, spec_digest: str) -> str:
             f"the description of trial '{trial.name}' contains memory addresses, which change with every run;"
             f" use frozen dataclasses instead of functions: {description}"
         )
-    return sha256("\n".join((description, spec_digest, code_digest(), _library_versions())).encode()).hexdigest()
+    return sha256("\n".join((description, spec_digest, code_digest(), str(library_versions()))).encode()).hexdigest()
 
 
 @cache
@@ -151,9 +158,9 @@ def _digest_of(root: Path, files: Sequence[Path]) -> str:
 
 
 @cache
-def _library_versions() -> str:
-    """Return the versions of Python and of the libraries that outcomes depend on, as text."""
+def library_versions() -> Mapping[str, str]:
+    """Return a mapping from Python and the libraries that outcomes depend on to their versions."""
     installed_versions = {
-        name: distribution.version for name in _LIBRARIES for distribution in metadata.distributions(name=name)
+        name: distribution.version for name in sorted(_LIBRARIES) for distribution in metadata.distributions(name=name)
     }
-    return f"{platform.python_version()} {sorted(installed_versions.items())}"
+    return {"Python": platform.python_version(), **installed_versions}

@@ -15,7 +15,7 @@ import signal
 import tempfile
 import threading
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -69,6 +69,10 @@ class TrialError(Exception):
         self.details = details
 
 
+class ClusterError(Exception):
+    """A cluster cannot run trials."""
+
+
 class _Done(Enum):
     """The message of a process that has written its trial's record."""
 
@@ -76,8 +80,8 @@ class _Done(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Failure:
-    """The message of a process whose trial raised an exception.
+class Failure:
+    """The report of a process whose trial raised an exception.
 
     Attributes:
         reason: why the trial failed.
@@ -90,7 +94,7 @@ class _Failure:
     traceback: str = ""
 
 
-_Report = _Done | _Failure
+_Report = _Done | Failure
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,10 +116,10 @@ class _Worker:
             report = self.report_connection.recv()
         except EOFError:
             self.process.join()
-            raise TrialError(self.record.trial, _exit_text(self.process.exitcode or 0), None) from None
+            raise TrialError(self.record.trial, exit_text(self.process.exitcode or 0), None) from None
         self.process.join()
-        if isinstance(report, _Failure):
-            raise _error_of(self.record, report)
+        if isinstance(report, Failure):
+            raise error_of(self.record, report)
         outcome = self.record.read()
         if outcome is None:
             raise TrialError(self.record.trial, f"its record '{self.record.path}' was changed before it was read", None)
@@ -191,14 +195,9 @@ def _start_worker(record: TrialRecord, staging: Path, backend: str | None) -> _W
 
 @contextmanager
 def _memory_kept() -> Iterator[None]:
-    """Let a process that is started within the block keep the memory that it frees.
-
-    Perception allocates and frees pictures of one megabyte all the time. By default, GNU's C library returns the memory
-    of each picture to the system, and the system clears every page at the next allocation. Clearing takes as long as
-    the work on the picture.
-    """
+    """Let a process that is started within the block keep the memory that it frees."""
     before = os.environ.get(_TUNABLES_VARIABLE)
-    os.environ[_TUNABLES_VARIABLE] = _MEMORY_TUNABLES if before is None else f"{_MEMORY_TUNABLES}:{before}"
+    os.environ.update(memory_settings())
     try:
         yield
     finally:
@@ -208,7 +207,19 @@ def _memory_kept() -> Iterator[None]:
             os.environ[_TUNABLES_VARIABLE] = before
 
 
-def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
+def memory_settings() -> Mapping[str, str]:
+    """Return the environment variable with which a process keeps the memory that it frees.
+
+    Perception allocates and frees pictures of one megabyte all the time. By default, GNU's C library returns the memory
+    of each picture to the system, and the system clears every page at the next allocation. Clearing takes as long as
+    the work on the picture.
+    """
+    before = os.environ.get(_TUNABLES_VARIABLE)
+    return {_TUNABLES_VARIABLE: _MEMORY_TUNABLES if before is None else f"{_MEMORY_TUNABLES}:{before}"}
+
+
+def error_of(record: TrialRecord, failure: Failure) -> Exception:
+    """Return the exception for a failed trial, after writing its traceback to a file."""
     if failure.error_number:
         return OSError(failure.error_number, os.strerror(failure.error_number), str(record.folder))
     if not failure.traceback:
@@ -217,7 +228,8 @@ def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
     return TrialError(record.trial, failure.reason, record.error_path)
 
 
-def _exit_text(code: int) -> str:
+def exit_text(code: int) -> str:
+    """Return how a process ended that reported nothing."""
     if code >= 0:
         return f"its process ended with exit code {code} and reported nothing"
     hint = ": perhaps there was too little memory" if -code == signal.SIGKILL else ""
@@ -235,20 +247,21 @@ def _run_trial(
     if backend is not None:
         use_backend(backend)
     tempfile.tempdir = str(staging)
-    report_connection.send(_make_record(record, staging))
+    report_connection.send(make_record(record, staging))
     report_connection.close()
     gc.freeze()  # a last search for reference cycles would take long, and all memory is freed when the process ends
 
 
-def _make_record(record: TrialRecord, staging: Path) -> _Report:
+def make_record(record: TrialRecord, staging: Path) -> _Report:
+    """Run a trial, write its record, and return how it ended."""
     try:
         record.make(staging)
     except _EXPLAINED_ERRORS as error:
-        return _Failure(reason=str(error))
+        return Failure(reason=str(error))
     except OSError as error:
         if error.errno is None or not _is_record_error(error, record.folder):
             return _unexpected_failure(error)
-        return _Failure(reason=str(error), error_number=error.errno)
+        return Failure(reason=str(error), error_number=error.errno)
     except Exception as error:  # noqa: BLE001  the parent process reports it
         return _unexpected_failure(error)
     return _Done.DONE
@@ -265,13 +278,13 @@ def _is_record_error(error: OSError, folder: Path) -> bool:
     return isinstance(error.filename, str) and Path(error.filename).is_relative_to(folder)
 
 
-def _unexpected_failure(error: Exception) -> _Failure:
+def _unexpected_failure(error: Exception) -> Failure:
     frames = traceback.extract_tb(error.__traceback__)
     packages_folder = Path(codra_dsl.__file__).parents[1]
     path = Path(frames[-1].filename)
     place = path.relative_to(packages_folder) if path.is_relative_to(packages_folder) else path
     reason = f"{type(error).__name__}: {error} ({place.as_posix()}:{frames[-1].lineno})"
-    return _Failure(reason=" ".join(reason.split()), traceback="".join(traceback.format_exception(error)))
+    return Failure(reason=" ".join(reason.split()), traceback="".join(traceback.format_exception(error)))
 
 
 def _end_with_parent() -> None:

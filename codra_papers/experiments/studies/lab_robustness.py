@@ -41,6 +41,9 @@ FURTHER_ARMS = tuple(arm for arm in ARMS if arm is not NAIVE_PACED)
 TABLE_RUN_COUNT = 10
 """The number of runs in the tables, as in P1's Table 2."""
 
+QUICK_TABLE_RUN_COUNT = 1
+"""The number of runs in the tables of a quick report."""
+
 FIRST_FURTHER_SEED = FIRST_REPORTED_SEED + TABLE_RUN_COUNT
 """The first seed of the runs for intervals; none of these runs is in a table."""
 
@@ -63,8 +66,15 @@ _NOTE = (
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return the ten runs of the tables, the further runs, and the runs of the factorial design."""
-    seeds = range(FIRST_REPORTED_SEED, FIRST_FURTHER_SEED + settings.seeds)
+    """Return the runs of the tables, the further runs, and the runs of the factorial design.
+
+    A quick report has no factorial design: the runs of `lab-sensitivity` are shorter, and its quick report has one.
+    """
+    table_run_count = QUICK_TABLE_RUN_COUNT if settings.is_quick else TABLE_RUN_COUNT
+    seeds = (
+        *range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + table_run_count),
+        *range(FIRST_FURTHER_SEED, FIRST_FURTHER_SEED + settings.seeds),
+    )
     runs = [
         Trial(
             name=f"run-{seed}",
@@ -75,7 +85,8 @@ def trials(settings: Settings) -> Sequence[Trial]:
         )
         for seed in seeds
     ]
-    factorial_seeds = reported_seeds(EXPERIMENT.name, min(settings.seeds, SEEDS_PER_CELL))
+    cell_seed_count = 0 if settings.is_quick else min(settings.seeds, SEEDS_PER_CELL)
+    factorial_seeds = reported_seeds(EXPERIMENT.name, cell_seed_count)
     return [*runs, *factorial_trials(settings.spec, factorial_seeds, _loop)]
 
 
@@ -247,6 +258,7 @@ EXPERIMENT = Experiment(
     name="lab-robustness",
     question="Does context make observers steadier, and how much perception does it save (P1, section 4.1)?",
     seeds=20,
+    quick_seeds=2,
     trials=trials,
     judge=judge,
 )

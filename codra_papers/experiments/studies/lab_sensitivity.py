@@ -123,7 +123,8 @@ def _edits_by_factor(parameter: Parameter) -> Sequence[tuple[str, SpecEdit]]:
 def trials(settings: Settings) -> Sequence[Trial]:
     """Return, for each seed, a run in each varied laboratory, and a run with all arms in the unchanged laboratory.
 
-    For each seed there are also `CELL_SEEDS_PER_SEED` runs in each cell of the factorial design.
+    For each seed there are also `CELL_SEEDS_PER_SEED` runs, in a quick report one run, in each cell of the factorial
+    design.
     """
     all_arms = arms(settings)
     runs = [
@@ -144,7 +145,8 @@ def trials(settings: Settings) -> Sequence[Trial]:
             ),
         )
     ]
-    factorial_seeds = protocol_seeds(EXPERIMENT.name, CELL_SEEDS_PER_SEED * settings.seeds)
+    cell_seed_count = settings.seeds * (1 if settings.is_quick else CELL_SEEDS_PER_SEED)
+    factorial_seeds = protocol_seeds(EXPERIMENT.name, cell_seed_count)
     return [*runs, *factorial_trials(settings.spec, factorial_seeds, _return_visit)]
 
 

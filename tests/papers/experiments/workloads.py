@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 from codra_papers.lab.mission import Mission
 
@@ -39,3 +40,23 @@ class Exits:
 def wanders(mission: Mission) -> None:
     """Do nothing. Because this is a function, its `repr` contains an address that differs between processes."""
     del mission
+
+
+@dataclass(frozen=True, slots=True)
+class HoldsOnce:
+    """Write the number of the process to a file and wait until somebody ends the process. Do nothing the second time.
+
+    Attributes:
+        file: the file.
+    """
+
+    file: Path
+
+    def __call__(self, mission: Mission) -> None:
+        """Wait, or do nothing."""
+        del mission
+        if not self.file.exists():
+            staging = self.file.with_suffix(".tmp")
+            staging.write_text(str(os.getpid()))
+            staging.replace(self.file)
+            signal.pause()

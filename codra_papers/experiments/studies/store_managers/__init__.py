@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
 
-from codra_papers.experiments.campaign.experiment import Experiment, World
+from codra_papers.experiments.campaign.experiment import Experiment, Settings, World
 from codra_papers.experiments.studies.store_managers.judgement import judge, reported_trials
 from codra_papers.experiments.studies.store_managers.search import Design, search_trials
 
@@ -19,11 +19,17 @@ def experiment(design: Design, name: str, seeds: int) -> Experiment:
         name=name,
         question="What do the loops of the store bring that a speed rule or tuned thresholds do not?",
         seeds=seeds,
-        trials=partial(search_trials, design),
-        judge=partial(judge, design),
-        then=partial(reported_trials, design),
+        trials=lambda settings: search_trials(_sized(design, settings), settings),
+        judge=lambda settings, outcomes: judge(_sized(design, settings), settings, outcomes),
+        then=lambda settings, outcomes: reported_trials(_sized(design, settings), settings, outcomes),
         world=World.STORE,
+        quick_seeds=3,
     )
+
+
+def _sized(design: Design, settings: Settings) -> Design:
+    """Return a design for a complete or a quick report. A quick report searches on one seed only."""
+    return replace(design, tuning_seeds=design.tuning_seeds[:1]) if settings.is_quick else design
 
 
 EXPERIMENT = experiment(Design(), "store", 20)

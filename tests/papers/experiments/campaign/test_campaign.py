@@ -12,7 +12,14 @@ import pytest
 
 from codra_dsl.integrations.inspection import SpecError
 from codra_papers.experiments.campaign import trial_records
-from codra_papers.experiments.campaign.campaign import TRIALS, CampaignBusyError, Progress, run_campaign
+from codra_papers.experiments.campaign.campaign import (
+    TRIALS,
+    CampaignBusyError,
+    Progress,
+    Runner,
+    local_processes,
+    run_campaign,
+)
 from codra_papers.experiments.campaign.trial_records import records_of
 from codra_papers.experiments.campaign.workers import TrialError
 from codra_papers.experiments.lab.arms import NAIVE, NEED
@@ -39,20 +46,21 @@ def trial(seed: int = 301, work: Work | None = None, spec: Path = SPECS / "lab.y
 
 
 TWO_TRIALS = (trial(301), trial(302))
+TWO_PROCESSES = local_processes(2)
 
 
 def run(
-    folder: Path, trials: tuple[Trial, ...] = TWO_TRIALS, processes: int | None = None
+    folder: Path, trials: tuple[Trial, ...] = TWO_TRIALS, runner: Runner = TWO_PROCESSES
 ) -> tuple[Mapping[str, Outcome], list[Progress]]:
     reports: list[Progress] = []
-    return run_campaign(trials, folder, processes=processes, progress=reports.append), reports
+    return run_campaign(trials, folder, run=runner, progress=reports.append), reports
 
 
 @pytest.fixture(scope="module")
 def uninterrupted_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a campaign of two trials."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    run(folder, processes=2)
+    run(folder)
     return folder
 
 
@@ -83,7 +91,7 @@ def test_a_campaign_keeps_a_record_and_the_frames_of_every_trial_and_no_other_fi
 
 
 def test_one_process_gives_the_same_bytes_as_two(uninterrupted_folder: Path, tmp_path: Path) -> None:
-    outcomes, reports = run(tmp_path, processes=1)
+    outcomes, reports = run(tmp_path, runner=local_processes(1))
 
     assert files(tmp_path) == files(uninterrupted_folder)
     assert list(outcomes) == ["seed 301", "seed 302"]
@@ -262,7 +270,7 @@ def test_missing_graphics_are_reported_before_a_trial_begins(tmp_path: Path, mon
 
 def test_a_trial_whose_process_is_killed_is_named_and_no_other_process_remains(tmp_path: Path) -> None:
     with pytest.raises(TrialError, match="its process was ended by SIGKILL"):
-        run(tmp_path, (trial(7, Dies()), replace(trial(8), duration_s=None)), processes=2)
+        run(tmp_path, (trial(7, Dies()), replace(trial(8), duration_s=None)))
 
     assert multiprocessing.active_children() == []
     assert list((tmp_path / TRIALS).iterdir()) == []
@@ -283,4 +291,4 @@ def test_a_folder_in_which_another_campaign_runs_is_left_alone(tmp_path: Path) -
         raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        run_campaign(TWO_TRIALS, tmp_path, progress=meanwhile)
+        run_campaign(TWO_TRIALS, tmp_path, run=local_processes(2), progress=meanwhile)
