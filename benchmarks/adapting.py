@@ -50,8 +50,8 @@ COMPUTED_INPUTS: Mapping[str, float] = {
     "full_on_fork": 0.0,
     "crowding": 0.0,
 }
-"""The inputs that the runtime computes, with their values as numbers. The person is near for half of the time at most, so
-that `crowding` acts as 0."""
+"""The inputs that the runtime computes, with their values as numbers. The person is near for half of the time at most,
+so that `crowding` acts as 0."""
 
 WARM_UP_S = 130.0
 """The time after which the rate of the battery is known."""
