@@ -23,9 +23,9 @@ from codra_papers.store.simulator.store import Store
 MIN_DURATION_S, MAX_DURATION_S = 1800.0, 2400.0
 """The limits of the duration of a shift: P2 states no duration."""
 
-BATTERY_FACTOR = 12.0
-"""The battery has a twelfth of the usual capacity: it empties and charges twelve times as fast. So 30 to 40 minutes
-need as many charges as 6 to 8 hours with the usual battery, and a full battery does not last for a shift of work."""
+BATTERY_FACTOR = 10.0
+"""The battery has a tenth of the usual capacity: it empties and charges ten times as fast. So 30 to 40 minutes need as
+many charges as 5 to 7 hours with the usual battery, and a full battery does not last for a shift of work."""
 
 OLD_BATTERY_FACTOR = 2.0
 """An old battery empties this many times as fast as a new one (P2, section 5.2: a quickly decreasing autonomy)."""
