@@ -51,6 +51,9 @@ class Driver:
         assert self._process.stdin is not None
         self._process.stdin.close()
         for thread in self._threads:
+            thread.join(PATIENCE_S)
+        self._process.kill()  # a program that has ended keeps its exit code
+        for thread in self._threads:
             thread.join()
         exit_code = self._process.wait()
         for stream in (self._process.stdout, self._process.stderr):

@@ -338,15 +338,24 @@ def test_a_callback_may_end_its_subscription_and_its_client(driver: Driver) -> N
 # Connections
 
 
-def test_the_lease_is_renewed_and_ends_with_the_client(program: Path, codra: Manager, server: Server) -> None:
-    with Driver(program) as driver:
-        driver.call("connect", path=str(server.address), lease_s=0.3)
-        driver.call("declare", name="open")
-        end_s = codra.clock.now_s() + 1.5
-        eventually(lambda: codra.clock.now_s() > end_s)
-        assert codra.declared() == {"open"}
-        driver.call("close")
-        eventually(lambda: codra.declared() == frozenset())
+def test_what_a_client_declares_is_withdrawn_when_it_is_destroyed(driver: Driver, codra: Manager) -> None:
+    driver.call("declare", name="open")
+    assert codra.declared() == {"open"}
+    driver.call("close")
+    eventually(lambda: codra.declared() == frozenset())
+
+
+def test_a_thread_renews_the_lease(program: Path, tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as listener, Driver(program) as driver:
+        listener.bind(str(tmp_path / "lease.sock"))
+        listener.listen()
+        driver.begin("connect", path=str(tmp_path / "lease.sock"), lease_s=0.3)
+        peer = listener.accept()[0]
+        with peer, peer.makefile("rb") as requests:
+            for ask in ("hello", "keep", "keep", "keep"):
+                request = json.loads(requests.readline())
+                assert (request["ask"], request.get("lease_s", 0.3)) == (ask, 0.3)
+                peer.sendall(json.dumps({"id": request["id"], "answer": {}}).encode() + b"\n")
 
 
 def test_a_port_needs_the_token_of_the_manager(
