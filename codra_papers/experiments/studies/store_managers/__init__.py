@@ -9,6 +9,10 @@ from codra_papers.experiments.studies.store_managers.judgement import judge, rep
 from codra_papers.experiments.studies.store_managers.search import Design, search_trials
 
 
+QUICK_DURATION_S = 1200.0
+"""The duration of the runs of a quick report."""
+
+
 def experiment(design: Design, name: str, seeds: int) -> Experiment:
     """Return the experiment of a design.
 
@@ -23,13 +27,20 @@ def experiment(design: Design, name: str, seeds: int) -> Experiment:
         judge=lambda settings, outcomes: judge(_sized(design, settings), settings, outcomes),
         then=lambda settings, outcomes: reported_trials(_sized(design, settings), settings, outcomes),
         world=World.STORE,
-        quick_seeds=3,
+        quick_seeds=1,
     )
 
 
 def _sized(design: Design, settings: Settings) -> Design:
-    """Return a design for a complete or a quick report. A quick report searches on one seed only."""
-    return replace(design, tuning_seeds=design.tuning_seeds[:1]) if settings.is_quick else design
+    """Return a design for a complete or a quick report. A quick report has shorter runs, and searches nothing."""
+    if not settings.is_quick:
+        return design
+    return replace(
+        design,
+        grids={manager: grid[:1] for manager, grid in design.grids.items()},
+        tuning_seeds=design.tuning_seeds[:1],
+        duration_s=design.duration_s or QUICK_DURATION_S,
+    )
 
 
 EXPERIMENT = experiment(Design(), "store", 20)
