@@ -50,6 +50,8 @@ class Decision:
         held: the value that each arm held at `instant_s`; None if the value was unknown.
         fresh: for each arm, whether the value was known from evidence after the action that the decision monitors; for
             a preview, whether the value was known.
+        held_after_wait: the value that each arm held when the main execution had waited for observers; None if the
+            value was unknown. Without a wait, the same as `held`.
         answer: the value that the main execution used.
         answered_s: when the main execution had the answer, after it had waited and looked.
         source: the algorithm or the writer whose value context answered with; empty if the robot looked.
@@ -69,6 +71,7 @@ class Decision:
     truth: Value | None
     held: Mapping[str, Value | None]
     fresh: Mapping[str, bool]
+    held_after_wait: Mapping[str, Value | None]
     answer: Value | None
     answered_s: float
     source: str

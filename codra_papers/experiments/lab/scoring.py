@@ -77,6 +77,17 @@ def source_pieces(record: EventLog, name: str, end_s: float) -> tuple[Piece, ...
     return pieces(changes, end_s)
 
 
+def value_known_by(record: EventLog, name: str, instant_s: float) -> Value | None:
+    """Return the value of a variable that a context manager held just before an instant, or got at this instant.
+
+    A value that an action invalidates at the same instant counts: a main execution has based its decision on it.
+    """
+    events = [event for event in record.of(Kind.VARIABLE, name) if event.details.get("present")]
+    new_values: list[Value | None] = [event.details["value"] for event in events if event.instant_s == instant_s]
+    earlier_values: list[Value | None] = [event.details["value"] for event in events if event.instant_s < instant_s]
+    return ([value for value in new_values if value is not None] or earlier_values or [None])[-1]
+
+
 def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple[Piece, ...]:
     """Return the pieces between `changes`, which must be in order of time.
 

@@ -30,7 +30,7 @@ from codra_papers.experiments.lab.outcomes import (
     WrongSpan,
 )
 from codra_papers.experiments.lab.run import ONE_LOOP, ArmRun, LabRun, LabSettings, Work, run_lab
-from codra_papers.experiments.lab.scoring import Piece, overlaps, source_pieces
+from codra_papers.experiments.lab.scoring import Piece, overlaps, source_pieces, value_known_by
 from codra_papers.lab.perception.frame import Frame
 from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 
@@ -261,7 +261,11 @@ def _decisions(run: LabRun, trial: Trial) -> Sequence[Decision]:
     answering_values = values_by_arm.get(trial.answering_arm or "", {})
     return [
         _decision(
-            asked_decision, truth, values_by_arm, _wrong_answer(asked_decision, truth, answering_values, run.looks_s)
+            asked_decision,
+            truth,
+            run.arms,
+            values_by_arm,
+            _wrong_answer(asked_decision, truth, answering_values, run.looks_s),
         )
         for asked_decision in run.asked_decisions
         if (truth := run.truth.get(asked_decision.variable)) is not None
@@ -283,6 +287,7 @@ def _returned_values(arm: ArmRun) -> _ReturnedValues:
 def _decision(
     asked_decision: AskedDecision,
     truth: Sequence[Piece],
+    arms: Sequence[ArmRun],
     returned_values: Mapping[str, _ReturnedValues],
     wrong_answer: Basis | None,
 ) -> Decision:
@@ -299,6 +304,7 @@ def _decision(
             arm: reading.known and reading.evidence_s >= asked_decision.since_s
             for arm, reading in asked_decision.held.items()
         },
+        held_after_wait={**held, **_held_after_wait(asked_decision, arms)},
         answer=asked_decision.answer,
         answered_s=asked_decision.answered_s,
         source=_source(asked_decision),
@@ -313,6 +319,13 @@ def _decision(
         },
         wrong_answer=wrong_answer,
     )
+
+
+def _held_after_wait(asked_decision: AskedDecision, arms: Sequence[ArmRun]) -> Mapping[str, Value | None]:
+    """Return the value that each arm held at the end of the wait for observers; nothing if there was no wait."""
+    end_s = asked_decision.answered_s - asked_decision.looked_s
+    waited_arms = arms if asked_decision.waited_s else ()
+    return {arm.name: value_known_by(arm.record, asked_decision.variable, end_s) for arm in waited_arms}
 
 
 def _source(asked_decision: AskedDecision) -> str:

@@ -74,11 +74,9 @@ def rings(outcome: Outcome, variable: str, arm: str) -> Sequence[Ring]:
 
 
 def _ring(outcome: Outcome, decision: Decision, arm: str) -> Ring:
-    if not decision.waited_s:
-        return Ring(decision.instant_s, decision.held[arm], decision.truth)
-    end_s = decision.answered_s - decision.looked_s
-    held, truth = (value_at(pieces[decision.variable], end_s) for pieces in (outcome.arms[arm].held, outcome.truth))
-    return Ring(end_s, held, truth)
+    instant_s = decision.answered_s - decision.looked_s if decision.waited_s else decision.instant_s
+    truth = value_at(outcome.truth[decision.variable], instant_s)
+    return Ring(instant_s, decision.held_after_wait[arm], truth)
 
 
 def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:

@@ -237,6 +237,7 @@ def decision(held_value: bool | None, true_value: bool, *, is_fresh: bool, was_t
         truth=true_value,
         held={"arm": held_value},
         fresh={"arm": is_fresh},
+        held_after_wait={"arm": held_value},
         answer=true_value,
         answered_s=2.0,
         looked_s=1.0,

@@ -2,12 +2,21 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.runtime import EventLog
 from codra_dsl.runtime.journal import Event, Kind
-from codra_papers.experiments.lab.scoring import Piece, held_pieces, overlaps, pieces, score, source_pieces
+from codra_papers.experiments.lab.scoring import (
+    Piece,
+    held_pieces,
+    overlaps,
+    pieces,
+    score,
+    source_pieces,
+    value_known_by,
+)
 
 
 def variable_event(instant_s: float, value: bool | None, source: str = "look", is_present: bool = True) -> Event:
@@ -70,6 +79,23 @@ def test_the_source_of_a_held_value_is_the_writer_of_its_latest_evidence() -> No
         Piece(3.0, 4.0, "rotor"),
         Piece(4.0, 6.0, None),
     )
+
+
+@pytest.mark.parametrize(("instant_s", "expected"), [(0.5, None), (1.0, True), (2.0, False), (2.5, None), (3.0, None)])
+def test_a_value_that_is_invalidated_when_a_decision_was_based_on_it_was_known(
+    instant_s: float, expected: bool | None
+) -> None:
+    record = record_of(
+        variable_event(1.0, True), variable_event(2.0, False), variable_event(2.0, None), variable_event(3.0, None)
+    )
+
+    assert value_known_by(record, "open", instant_s) is expected
+
+
+def test_without_a_new_value_the_one_just_before_the_instant_was_known() -> None:
+    record = record_of(variable_event(1.0, True), variable_event(2.0, None))
+
+    assert value_known_by(record, "open", 2.0) is True
 
 
 def test_a_variable_that_was_never_held_has_no_ratio() -> None:

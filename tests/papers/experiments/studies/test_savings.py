@@ -24,6 +24,7 @@ def decision(asking_s: float, waited_s: float, looked_s: float, *, is_preview: b
         truth=True,
         held={},
         fresh={},
+        held_after_wait={},
         answer=True,
         answered_s=asking_s + waited_s + looked_s,
         waited_s=waited_s,
