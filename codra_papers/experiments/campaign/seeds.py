@@ -10,7 +10,7 @@ _LAB_COMMIT = "8d37b94381a8a7e5a466ab9c6a8e08495ce8c2bd"
 PROTOCOL_COMMITS: Mapping[str, str] = {
     "lab-robustness": _LAB_COMMIT,
     "lab-sensitivity": _LAB_COMMIT,
-    "store": "8d37b94381a8a7e5a466ab9c6a8e08495ce8c2bd",
+    "store": "37983028888bd6092369d94c981e815be86b3a01",
 }
 """The commit with the protocol of an experiment: docs/papers/protocol.md, or docs/papers/store-experiment.md."""
 
