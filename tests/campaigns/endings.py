@@ -45,37 +45,35 @@ PROGRAM = """
 
 
 def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """Start a program whose output goes to the file `NUMBER.log`, where NUMBER is its process ID."""
     environment = {"PYTHONPATH": f"{ROOT}:{folder}", "PATH": "/usr/bin:/bin"}
-    return subprocess.Popen(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=environment,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
+    log = folder / "program.log"
+    with log.open("w", encoding="utf-8") as output:
+        program = subprocess.Popen(
+            [sys.executable, *arguments], cwd=folder, env=environment, text=True, stdout=output, stderr=output
+        )
+    log.rename(folder / f"{program.pid}.log")
+    return program
 
 
-def await_text(program: subprocess.Popen[str], text: str) -> None:
-    stream = program.stderr if text in {"serving", "connected"} else program.stdout
-    assert stream is not None
-    for line in stream:
-        if text in line:
-            return
-    raise AssertionError(f"the program has ended before {text!r}")
+def await_text(folder: Path, program: subprocess.Popen[str], text: str) -> None:
+    log, end_s = folder / f"{program.pid}.log", time.monotonic() + PATIENCE_S
+    while text not in log.read_text(encoding="utf-8"):
+        assert time.monotonic() < end_s, f"no {text!r} in {log.read_text(encoding='utf-8')}"
+        time.sleep(0.01)
 
 
 def one_run(folder: Path, random: Random) -> tuple[str, float]:
     """Return what ended, and how long it took."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     serve = start(folder, "-m", "codra_dsl", "serve", "specs/door.yaml", "--listen", endpoint)
-    await_text(serve, "serving")
+    await_text(folder, serve, "serving")
     host = start(folder, "-m", "codra_dsl", "host", "arm_pc", "specs/door.yaml", "--connect", endpoint)
     how = random.choice(("closes", "leaves open", "raises"))
     client = start(folder, "-c", textwrap.dedent(PROGRAM), endpoint, how, str(random.uniform(0.0, 1.5)))
     programs = {"serve": serve, "host": host, "client": client}
     try:
-        await_text(client, "ready")
+        await_text(folder, client, "ready")
         fault = random.choice(("none", "none", "the manager is killed", "the host is killed", "the manager is stopped"))
         time.sleep(random.uniform(0.0, 0.5))
         if fault != "none":
@@ -84,17 +82,17 @@ def one_run(folder: Path, random: Random) -> tuple[str, float]:
         name = random.choice(("client", "host", "serve")) if fault == "none" else "client"
         program = programs[name]
         if name == "client":
-            await_text(program, "end")
+            await_text(folder, program, "end")
         else:
             program.send_signal(random.choice((signal.SIGINT, signal.SIGTERM)))
         start_s = time.monotonic()
-        program.communicate(timeout=PATIENCE_S)
+        program.wait(timeout=PATIENCE_S)
         return f"{name}, {fault}", time.monotonic() - start_s
     finally:
         for program in programs.values():
             program.send_signal(signal.SIGCONT)
             program.kill()
-            program.communicate()
+            program.wait()
 
 
 def main(run_count: int, seed: int) -> int:
