@@ -107,6 +107,8 @@ def main(run_count: int, seed: int) -> int:
             what, took_s = one_run(folder, random)
             counts[what] += 1
             slowest_s[what] = max(slowest_s[what], took_s)  # type: ignore[assignment]
+            if took_s > LIMIT_S:
+                print(f"run {number}: {what} took {took_s:.2f} s", flush=True)
             if number % 20 == 19:
                 print(f"{number + 1} of {run_count} runs, slowest end {max(slowest_s.values()):.2f} s", flush=True)
     for what, count in sorted(counts.items()):

@@ -7,7 +7,8 @@ import platform
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -134,10 +135,9 @@ def _loaded(spec: Path, site: Path | None, colour: Colour) -> Iterator[CompiledS
 
 def _wait_for_signal() -> None:
     """Wait for SIGINT or SIGTERM."""
-    signals = {signal.SIGINT, signal.SIGTERM}
-    handlers: dict[signal.Signals, Callable[..., object] | int | None] = {
-        number: signal.signal(number, lambda *_: None) for number in signals
-    }
-    signal.sigwait(signals)
-    for number, handler in handlers.items():
+    end_event = threading.Event()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    handlers = [signal.signal(number, lambda *_: end_event.set()) for number in numbers]
+    end_event.wait()
+    for number, handler in zip(numbers, handlers, strict=True):
         signal.signal(number, handler)

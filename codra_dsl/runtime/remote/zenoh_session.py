@@ -26,6 +26,9 @@ _LOGGER = logging.getLogger(__name__)
 TRANSPORT_LEASE_MS = 1_200
 """How long Zenoh waits for a sign of life of another program, e.g. after a cable was pulled."""
 
+OPEN_TIMEOUT_MS = 1_000
+"""How long Zenoh waits for a program that accepts a connection and does not answer. A session cannot end meanwhile."""
+
 MAX_UNSENT_MESSAGES = 10_000
 """If more messages wait to be sent, further ones are dropped, and the link is lost."""
 
@@ -192,6 +195,7 @@ def _config(zenoh_module: Any, address: NetworkAddress, *, is_router: bool) -> A
         "scouting/multicast/enabled": False,
         "transport/link/tx/lease": TRANSPORT_LEASE_MS,
         "transport/link/tx/keep_alive": 4,
+        "transport/unicast/open_timeout": OPEN_TIMEOUT_MS,
         ("listen" if is_router else "connect") + "/endpoints": [address.endpoint],
         "listen/exit_on_failure" if is_router else "connect/timeout_ms": True if is_router else 4_000,
     }
