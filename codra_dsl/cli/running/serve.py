@@ -118,6 +118,7 @@ def _loaded(spec: Path, site: Path | None, colour: Colour) -> Iterator[CompiledS
     from codra_dsl.integrations.inspection.loading import compile_and_load
     from codra_dsl.runtime.errors import UnknownNameError
     from codra_dsl.runtime.perception import CallError
+    from codra_dsl.runtime.remote.zenoh_session import MissingZenohError
 
     sites = existing([] if site is None else [site])
     (spec,) = existing([spec])
@@ -127,7 +128,7 @@ def _loaded(spec: Path, site: Path | None, colour: Colour) -> Iterator[CompiledS
     try:
         with tempfile.TemporaryDirectory(prefix="codra-") as folder:
             yield compile_and_load(plan, Path(folder) / "generated")
-    except (CallError, UnknownNameError, OSError) as error:
+    except (CallError, UnknownNameError, MissingZenohError, OSError) as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
 

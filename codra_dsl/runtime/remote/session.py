@@ -318,6 +318,8 @@ class Session:
     def _evidence(
         self, *, algorithm: str, index: int, start_s: float, stamp_s: float, earliest_s: float, host_s: list[float]
     ) -> PlainData:
+        if not -math.inf < start_s <= earliest_s <= stamp_s:
+            raise ValueError(f"evidence has a start, then a stamp: not {start_s} and {earliest_s} to {stamp_s}")
         now_s = self._clock.now_s()  # what has reached the manager cannot have ended later
         interval = Interval(start_s, min(stamp_s, now_s), min(earliest_s, now_s), (host_s[0], host_s[1]))
         self._codra.hosts.report_evidence(self._host, (algorithm, index), interval)
