@@ -92,6 +92,7 @@ class Host:
         self._executors = Executors(find, clock.start)
         self._executors.prepare(list(self._algorithms.values()), handles)
         self._lock = new_lock()
+        self._connect_lock = new_lock()
         self._link: Link | None = None
         self._is_closed = False
         self._works: dict[tuple[Link, JobKey], Work] = {}
@@ -104,21 +105,22 @@ class Host:
 
     def start(self) -> None:
         """Connect to the manager, now or as soon as it can be reached."""
-        if self._is_closed or self._link is not None:
-            return
-        try:
-            link = self._connect()  # without the lock, because it waits, and `close` must not wait for it
-        except ConnectionError as error:
-            with self._lock:
-                self._report(str(error))
-                if not self._is_closed:
-                    self._schedule(RECONNECT_PERIOD_S, self.start)
-            return
-        with self._lock:
-            if not self._is_closed and self._link is None:
-                self._open(link)
+        with self._connect_lock:
+            if self._is_closed or self._link is not None:
                 return
-        link.close()
+            try:
+                link = self._connect()
+            except ConnectionError as error:
+                with self._lock:
+                    self._report(str(error))
+                    if not self._is_closed:
+                        self._schedule(RECONNECT_PERIOD_S, self.start)
+                return
+            with self._lock:
+                if not self._is_closed:
+                    self._open(link)
+                    return
+            link.close()
 
     def _open(self, link: Link) -> None:
         self._link = link
@@ -139,6 +141,8 @@ class Host:
         if link is not None:
             self._lose(link, "the host has closed")
         self._executors.close()
+        with self._connect_lock:  # the program must not end while a thread connects: Zenoh would abort it
+            pass
 
     # Connection
 

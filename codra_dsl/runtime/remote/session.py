@@ -306,6 +306,7 @@ class Session:
     def _attach(self, host: str, digest: str = "") -> PlainData:
         own_digest = manifest_of(package_folder(self._codra)).get("model", "")
         if digest != own_digest:
+            self._codra.hosts.refuse(host, "it has another version of the spec than the manager")
             raise ValueError(
                 f"host {host!r} has another version of the spec than the manager: compile both from the same files"
             )
