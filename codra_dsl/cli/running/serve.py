@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
 import platform
 import signal
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -61,7 +61,7 @@ def serve_command(
     from codra_dsl.runtime import EventLog, Journal, WallClock
     from codra_dsl.runtime.remote.endpoints import serve
 
-    with _loaded(spec, site, color) as compiled, ExitStack() as stack:
+    with _noted_signals() as wait_for_signal, _loaded(spec, site, color) as compiled, ExitStack() as stack:
         if write_security is not None:
             _write_security(compiled, write_security, listen)
             return
@@ -70,7 +70,9 @@ def serve_command(
         codra = stack.enter_context(compiled.package.start(clock=clock, resources={}, seed=seed, record=record))
         stack.enter_context(serve(codra, address_of(listen, credentials)))
         say(f"serving '{compiled.spec.name}' at {listen}")
-        _wait_for_signal()
+        if hasattr(compiled.package, "MAPE"):
+            say("codra: the loops of the spec do not run: run them in a program of yours, which serves the context")
+        wait_for_signal()
 
 
 def host_command(
@@ -89,11 +91,11 @@ def host_command(
 
     address = address_of(connect, credentials)
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
-    with _loaded(spec, site, color) as compiled, WallClock() as clock:
+    with _noted_signals() as wait_for_signal, _loaded(spec, site, color) as compiled, WallClock() as clock:
         host = host_of_package(compiled.package, name, handles={}, clock=clock, connect=lambda: connect_to(address))
         host.start()
         try:
-            _wait_for_signal()
+            wait_for_signal()
         finally:
             host.close()
 
@@ -119,6 +121,7 @@ def _loaded(spec: Path, site: Path | None, colour: Colour) -> Iterator[CompiledS
     from codra_dsl.integrations.inspection.loading import compile_and_load
     from codra_dsl.runtime.errors import UnknownNameError
     from codra_dsl.runtime.perception import CallError
+    from codra_dsl.runtime.remote.zenoh_session import MissingZenohError
 
     sites = existing([] if site is None else [site])
     (spec,) = existing([spec])
@@ -128,16 +131,31 @@ def _loaded(spec: Path, site: Path | None, colour: Colour) -> Iterator[CompiledS
     try:
         with tempfile.TemporaryDirectory(prefix="codra-") as folder:
             yield compile_and_load(plan, Path(folder) / "generated")
-    except (CallError, UnknownNameError, OSError) as error:
+    except (CallError, UnknownNameError, MissingZenohError, OSError) as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _wait_for_signal() -> None:
-    """Wait for SIGINT or SIGTERM."""
-    end_event = threading.Event()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    handlers = [signal.signal(number, lambda *_: end_event.set()) for number in numbers]
-    end_event.wait()
-    for number, handler in zip(numbers, handlers, strict=True):
-        signal.signal(number, handler)
+@contextmanager
+def _noted_signals() -> Iterator[Callable[[], object]]:
+    """Note SIGINT and SIGTERM; yield a function that waits until one of them has arrived. A second one acts as usual.
+
+    So a program that is stopped while it starts also ends cleanly.
+    """
+    receiver, sender = os.pipe()
+    os.set_blocking(sender, False)
+    handlers: dict[signal.Signals, Callable[..., object] | int | None] = {}
+
+    def restore_handlers(*_: object) -> None:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+    signal.set_wakeup_fd(sender)  # a byte for each signal, whichever thread the system interrupts
+    handlers |= {number: signal.signal(number, restore_handlers) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: os.read(receiver, 1)
+    finally:
+        restore_handlers()
+        signal.set_wakeup_fd(-1)
+        os.close(sender)
+        os.close(receiver)

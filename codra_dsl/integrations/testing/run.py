@@ -194,6 +194,7 @@ class Run:
             record=self.record,
             find=self._script.function_for,
             knowledge=self._package.knowledge,
+            hosts_here=True,
         )
         story_agents = StoryAgents(self.codra, clock, self._timeline.repeat_intervals_s, self._refusals_at)
         self._loops = StoryLoops(self.codra, self._package.mape, clock)

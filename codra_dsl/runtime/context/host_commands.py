@@ -12,7 +12,7 @@ from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.locked_clock import LockedClock
 from codra_dsl.runtime.observers.forest import Forest
 from codra_dsl.runtime.perception import Failure, Interval
-from codra_dsl.runtime.perception.hosts import HostConnection, Hosts, JobKey
+from codra_dsl.runtime.perception.hosts import HostConnection, Hosts, JobKey, obstacle_text
 
 
 class HostCommands:
@@ -55,6 +55,13 @@ class HostCommands:
             self._event_writer.write(Kind.HOST, host, "lost", message=because)
             self._tick_observers(host)
             self._hosts.disconnect(host, because)
+
+    def refuse(self, host: str, because: str) -> None:
+        """Note why a host that is not connected may not connect, unless this was the last reason."""
+        with self._clock:
+            obstacle = self._hosts.obstacle(host)
+            if host in self.names and obstacle and obstacle != obstacle_text(host, because):
+                self.disconnect(host, because)
 
     def report_evidence(self, host: str, key: JobKey, interval: Interval) -> None:
         """Note when the evidence of a job was taken.

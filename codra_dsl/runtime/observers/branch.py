@@ -331,8 +331,9 @@ class Branch:
         """
         raw_value = term.evaluate(self.result) if self.result is not None else None
         if raw_value is None and self._keeps_value(term):
-            raw_value = self.observer.services.cells[variable].observed_at(self._stamp_s()).content
-            if raw_value is None:
+            cell = self.observer.services.cells[variable]
+            raw_value = cell.observed_at(self._stamp_s()).content
+            if raw_value is None or cell.observed_at(self._latest_stamp_s()).content != raw_value:
                 self._refuse((variable,), Reason.REJECTED, "between enter and leave, and it was unknown before")
                 return False
         try:
@@ -432,7 +433,7 @@ class Branch:
         vote = Vote(content, self._interval.start_s, self._stamp_s())
         if not self.observer.services.cells[variable].admits(vote.start_s, self._latest_stamp_s()):
             return vote.start_s  # evidence from before an action is not counted as a vote; `write` reports it
-        votes.add(vote, lambda earlier_vote: self._still_counts(variable, earlier_vote, vote))
+        votes.add(vote, lambda earlier_vote: self._still_counts(variable, earlier_vote))
         start_s = votes.start_s(content)
         if start_s is None:
             count_text = f"{votes.count(content)} of the last {votes.among} results, {votes.needed} are needed"
@@ -444,26 +445,24 @@ class Branch:
                 self.observer.add_failed_look(variable, failed_look)
         return start_s
 
-    def _still_counts(self, variable: str, earlier_vote: Vote, newest_vote: Vote) -> bool:
-        """Return whether an earlier result still counts for a variable.
+    def _still_counts(self, variable: str, earlier_vote: Vote) -> bool:
+        """Return whether an earlier result still counts for a variable beside the present result.
 
         It does not count if it is from before the last action that changed the variable, if it is no longer valid, or
         if the variable is declared with `forget` and could not be observed at some moment since the result.
         """
         services = self.observer.services
-        model, cells = services.variables[variable], services.cells
+        model, cells, latest_stamp_s = services.variables[variable], services.cells, self._latest_stamp_s()
         if (
             earlier_vote.start_s <= cells[variable].invalidated_s
-            or earlier_vote.stamp_s + model.valid_for_s <= newest_vote.stamp_s
+            or earlier_vote.stamp_s + model.valid_for_s <= latest_stamp_s
         ):
             return False
         term = self.observer.observability_condition(variable) if model.when_unobservable == "forget" else None
         if term is None:
             return True
-        return (
-            first_loss_s(term, cells, max(earlier_vote.stamp_s, complete_from_s(term, cells)), newest_vote.stamp_s)
-            is None
-        )
+        since_s = max(earlier_vote.stamp_s, complete_from_s(term, cells))
+        return first_loss_s(term, cells, since_s, latest_stamp_s) is None
 
     def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
         """Record that a result has no value for some variables, and add a failed look for each."""

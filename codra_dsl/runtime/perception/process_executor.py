@@ -10,6 +10,7 @@ from typing import Any
 from codra_dsl.isolation.error_text import described
 from codra_dsl.isolation.messages import GarbageError, decode_result
 from codra_dsl.runtime.clock import Cancelled
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.perception.functions import JobError, call_error
 from codra_dsl.runtime.perception.handles import has_method, is_copied, method_of, value_of
 from codra_dsl.runtime.perception.job import RunningJob
@@ -39,6 +40,7 @@ class ProcessExecutor:
         self._algorithm = algorithm
         self._is_imported = self._is_set_up = False
         self._is_closed = False
+        self._lock = new_lock()
         self._context_argument_names = frozenset(algorithm.given)
         self._working_process: Process | None = None
         try:
@@ -59,7 +61,34 @@ class ProcessExecutor:
                 raise call_error(self._algorithm, error) from error
 
     def perform(self, job: RunningJob, arguments: Mapping[str, object], handles: Mapping[str, object]) -> object:
-        """Return the function's return value, reduced to the types that a decision can use."""
+        """Return the function's return value, reduced to the types that a decision can use.
+
+        On a host, a job of a lost connection may still be running; the next job waits for its end.
+        """
+        with self._lock:
+            return self._perform(job, arguments, handles)
+
+    def kill_job(self) -> None:
+        """End the process, unless it is still executing `setup`."""
+        process = self._working_process
+        if process is not None:
+            process.terminate()
+            process.wait_for_end_in_background()  # if nothing ends the process, this closes the connection to it
+
+    def begin_close(self) -> None:
+        """Let the process end, without waiting for it."""
+        self._is_closed = True
+        process = self._process
+        if process is not None:
+            process.hang_up()
+
+    def close(self) -> None:
+        """Wait for the end of the process."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.wait_for_end()
+
+    def _perform(self, job: RunningJob, arguments: Mapping[str, object], handles: Mapping[str, object]) -> object:
         try:
             process = self._usable_process()
         except OSError as error:
@@ -98,26 +127,6 @@ class ProcessExecutor:
             raise
         finally:
             self._working_process = None
-
-    def kill_job(self) -> None:
-        """End the process, unless it is still executing `setup`."""
-        process = self._working_process
-        if process is not None:
-            process.terminate()
-            process.wait_for_end_in_background()  # if nothing ends the process, this closes the connection to it
-
-    def begin_close(self) -> None:
-        """Let the process end, without waiting for it."""
-        self._is_closed = True
-        process = self._process
-        if process is not None:
-            process.hang_up()
-
-    def close(self) -> None:
-        """Wait for the end of the process."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.wait_for_end()
 
     def _start_process(self) -> Process:
         self._is_imported = self._is_set_up = False

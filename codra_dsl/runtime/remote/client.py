@@ -20,7 +20,16 @@ from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.endpoints import connect
 from codra_dsl.runtime.remote.json_lines import Address
 from codra_dsl.runtime.remote.links import INHERITED_TEXT
-from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, plain_value, preview_of, reading_of, type_of
+from codra_dsl.runtime.remote.protocol import (
+    VERSION,
+    NotPermittedError,
+    PlainData,
+    error_of,
+    plain_value,
+    preview_of,
+    reading_of,
+    type_of,
+)
 from codra_dsl.runtime.remote.session import LEASE_S
 from codra_dsl.runtime.remote.zenoh_session import NetworkAddress
 from codra_dsl.runtime.values.cell import Reading
@@ -202,7 +211,10 @@ class RemoteContext:
             return reading_of(answer["reading"]).content
         looked_value, result = self._look(answer["decision"], otherwise)
         with contextlib.suppress(ConnectionError):
-            self._ask("found", **result)
+            try:
+                self._ask("found", **result)
+            except NotPermittedError as error:  # only the main execution gives context a value
+                self._ask("found", decision=answer["decision"], raised=type_name(error))
         return looked_value
 
     def preview(

@@ -92,10 +92,11 @@ class Host:
         self._executors = Executors(find, clock.start)
         self._executors.prepare(list(self._algorithms.values()), handles)
         self._lock = new_lock()
+        self._connect_lock = new_lock()
         self._link: Link | None = None
         self._is_closed = False
-        self._works: dict[JobKey, Work] = {}
-        self._questions: dict[int, tuple[str, float]] = {}
+        self._works: dict[tuple[Link, JobKey], Work] = {}
+        self._questions: dict[int, tuple[str, PlainData, float]] = {}
         self._request_count = 0
         self._clock_offset = ClockOffset(max_drift)
         self._last_answer_s = 0.0
@@ -104,30 +105,44 @@ class Host:
 
     def start(self) -> None:
         """Connect to the manager, now or as soon as it can be reached."""
-        with self._lock:
-            if self._is_closed:
+        with self._connect_lock:
+            if self._is_closed or self._link is not None:
                 return
             try:
-                link = self._link = self._connect()
+                link = self._connect()
             except ConnectionError as error:
-                self._report(str(error))
-                self._schedule(RECONNECT_PERIOD_S, self.start)
+                with self._lock:
+                    self._report(str(error))
+                    if not self._is_closed:
+                        self._schedule(RECONNECT_PERIOD_S, self.start)
                 return
-            self._clock_offset, self._last_answer_s = ClockOffset(self._max_drift), self._clock.now_s()
-            self._questions.clear()
-            link.open(self._receive, self._lose)
-            token_field = {} if self._link.token is None else {"token": self._link.token}
-            self._ask("hello", lease_s=HOST_LEASE_S, **token_field)
-            self._ask("attach", host=self.name, digest=self._spec_digest)
-            self._keep()
+            with self._lock:
+                if not self._is_closed:
+                    self._open(link)
+                    return
+            link.close()
+
+    def _open(self, link: Link) -> None:
+        self._link = link
+        self._clock_offset, self._last_answer_s = ClockOffset(self._max_drift), self._clock.now_s()
+        self._questions.clear()
+        link.open(partial(self._receive, link), partial(self._lose, link))
+        token_field = {} if link.token is None else {"token": link.token}
+        self._ask("hello", lease_s=HOST_LEASE_S, **token_field)
+        self._ask("attach", host=self.name, digest=self._spec_digest)
+        self._keep()
 
     def close(self) -> None:
         """Cancel all jobs, leave the manager, and end all processes. This method waits."""
         with self._lock:
             self._is_closed = True
             self._ask("leave")
-        self._lose("the host has closed")
+            link = self._link
+        if link is not None:
+            self._lose(link, "the host has closed")
         self._executors.close()
+        with self._connect_lock:  # the program must not end while a thread connects: Zenoh would abort it
+            pass
 
     # Connection
 
@@ -142,12 +157,12 @@ class Host:
             self._last_report = text
             _LOGGER.warning("host %s: %s", self.name, text)
 
-    def _lose(self, because: str) -> None:
-        """Cancel all jobs, because the link is lost; connect again a little later, unless the host is closed."""
+    def _lose(self, link: Link, because: str) -> None:
+        """Cancel all jobs, because a link is lost; connect again a little later, unless the host is closed."""
         with self._lock:
-            link, self._link, self.is_attached = self._link, None, False
-            if link is None:
-                return
+            if link is not self._link:
+                return  # an earlier link, which is lost already
+            self._link, self.is_attached = None, False
             works = list(self._works.values())
             self._report(f"not connected: {because}")
             if self._timer is not None:
@@ -164,76 +179,93 @@ class Host:
             if self._link is None:
                 return
             self._request_count += 1
-            self._questions[self._request_count] = (ask, self._clock.now_s())
+            self._questions[self._request_count] = (ask, fields, self._clock.now_s())
             with contextlib.suppress(ConnectionError):  # the end of the link follows
                 self._link.send({"codra": VERSION, "id": self._request_count, "ask": ask, **fields})
 
     def _keep(self) -> None:
         """Renew the lease and compare the clocks, again and again; a manager that does not answer is lost."""
         with self._lock:
-            if self._link is None:
+            link = self._link
+            if link is None:
                 return
             is_silent = self._clock.now_s() - self._last_answer_s > HOST_LEASE_S
             if not is_silent:
                 self._ask("keep")
                 self._schedule(KEEP_PERIOD_S, self._keep)
         if is_silent:
-            self._lose(f"the manager did not answer for {HOST_LEASE_S:g} s")
+            self._lose(link, f"the manager did not answer for {HOST_LEASE_S:g} s")
 
-    def _receive(self, message: Any) -> None:
-        """Handle an answer, an error or an order of the manager."""
+    def _receive(self, link: Link, message: Any) -> None:
+        """Handle an answer, an error or an order of the manager, unless its link is lost."""
+        if link is not self._link:
+            return
         match message:
             case {"notice": "perform"}:
-                self._perform(message)
+                self._perform(link, message)
             case {"notice": "cancel"}:
-                if (work := self._works.get((message["algorithm"], message["index"]))) is not None:
+                if (work := self._works.get((link, (message["algorithm"], message["index"])))) is not None:
                     work.cancel()
             case {"notice": "kill"}:
-                if (message["algorithm"], message["index"]) in self._works:
+                if (link, (message["algorithm"], message["index"])) in self._works:
                     self._executors.executor_of(self._algorithms[message["algorithm"]]).kill_job()
             case {"notice": "closed" | "lease_over"}:
-                self._lose(str(message["message"]))
+                self._lose(link, str(message["message"]))
             case {"id": int(number)}:
-                self._note_answer(number, message)
+                self._note_answer(link, number, message)
             case _:
                 pass
 
-    def _note_answer(self, number: int, message: Mapping[str, Any]) -> None:
+    def _note_answer(self, link: Link, number: int, message: Mapping[str, Any]) -> None:
         with self._lock:
-            ask, asked_s = self._questions.pop(number, ("", 0.0))
+            if link is not self._link:
+                return
+            ask, fields, asked_s = self._questions.pop(number, ("", {}, 0.0))
             now_s = self._last_answer_s = self._clock.now_s()
             if "error" not in message and ask in ("hello", "keep"):
                 self._clock_offset.add(asked_s, message["answer"]["now_s"], now_s)
             elif "error" not in message and ask == "attach":
                 self.is_attached = True
                 self._report("connected")
-        if "error" in message and ask in ("hello", "attach"):
-            self._lose(str(error_of(message["error"])))
+            elif "error" in message and "values" in fields:
+                because = f"the manager refuses its result: {error_of(message['error'])}"
+                self._report_end(link, (fields["algorithm"], fields["index"]), Failure(Reason.FAILED, because))
+        if "error" in message and (ask in ("hello", "attach") or message["error"]["kind"] == "lease_over"):
+            self._lose(link, str(error_of(message["error"])))
 
     # Jobs
 
-    def _perform(self, order: Mapping[str, Any]) -> None:
+    def _perform(self, link: Link, order: Mapping[str, Any]) -> None:
         key = (str(order["algorithm"]), int(order["index"]))
         algorithm = self._algorithms.get(key[0])
         if algorithm is None:
-            self._report_end(key, Failure(Reason.FAILED, f"host {self.name!r} does not run {key[0]!r}"))
+            self._report_end(link, key, Failure(Reason.FAILED, f"host {self.name!r} does not run {key[0]!r}"))
             return
         arguments = {argument["name"]: argument["value"] for argument in order["arguments"]}
         random_seed = str(order["random_seed"])
 
         def run(work: Work) -> Result | Failure:
-            job = _HostJob(work, random_seed, key[1], lambda interval: self._schedule_evidence(work, key, interval))
+            job = _HostJob(
+                work, random_seed, key[1], lambda interval: self._schedule_evidence(work, link, key, interval)
+            )
             return self._executors.execute(algorithm, job, arguments, self._handles)
 
         with self._lock:  # a job that ends at once is reported after it is in `_works`
+            if link is not self._link:
+                return
+            if any(name == algorithm.name for _, (name, _) in self._works):  # a cancelled job of an earlier link
+                self._executors.executor_of(algorithm).kill_job()
             try:
-                self._works[key] = self._clock.start(run, partial(self._report_end, key))
+                self._works[link, key] = self._clock.start(run, partial(self._report_end, link, key))
             except RuntimeError as error:  # no thread could be started
-                self._report_end(key, Failure(Reason.FAILED, described(error)))
+                self._report_end(link, key, Failure(Reason.FAILED, described(error)))
 
-    def _report_end(self, key: JobKey, outcome: Result | Failure) -> None:
+    def _report_end(self, link: Link, key: JobKey, outcome: Result | Failure) -> None:
+        """Report the outcome of a job, unless its link is lost: the next manager may have a job with the same key."""
         with self._lock:
-            self._works.pop(key, None)
+            self._works.pop((link, key), None)
+            if link is not self._link:
+                return
             fields: PlainData = {"algorithm": key[0], "index": key[1]}
             if isinstance(outcome, Failure):
                 self._ask("ended", **fields, message=outcome.message[:MAX_NAME_CHARACTERS])
@@ -241,22 +273,26 @@ class Host:
                 values = [{"name": name, "value": value} for name, value in outcome.values.items() if value is not None]
                 self._ask("ended", **fields, values=values)
 
-    def _schedule_evidence(self, work: Work, key: JobKey, interval: Interval) -> None:
+    def _schedule_evidence(self, work: Work, link: Link, key: JobKey, interval: Interval) -> None:
         """Report evidence at the instant that the work has reached. In simulated time, it is in the future."""
-        self._clock.call_at(work.now_s(), lambda: self._report_evidence(key, interval))
+        self._clock.call_at(work.now_s(), lambda: self._report_evidence(link, key, interval))
 
-    def _report_evidence(self, key: JobKey, interval: Interval) -> None:
+    def _report_evidence(self, link: Link, key: JobKey, interval: Interval) -> None:
         assert interval.stamp_s is not None
-        start, stamp = map(self._clock_offset.manager_time, (interval.start_s, interval.stamp_s))
-        self._ask(
-            "evidence",
-            algorithm=key[0],
-            index=key[1],
-            start_s=start.instant_s - start.uncertainty_s,
-            stamp_s=stamp.instant_s + stamp.uncertainty_s,
-            earliest_s=stamp.instant_s - stamp.uncertainty_s,
-            host_s=[interval.start_s, interval.stamp_s],
-        )
+        with self._lock:
+            if link is not self._link:
+                return
+            start, stamp = map(self._clock_offset.manager_time, (interval.start_s, interval.stamp_s))
+            start_s = start.instant_s - start.uncertainty_s
+            self._ask(
+                "evidence",
+                algorithm=key[0],
+                index=key[1],
+                start_s=start_s,
+                stamp_s=stamp.instant_s + stamp.uncertainty_s,
+                earliest_s=max(start_s, stamp.instant_s - stamp.uncertainty_s),
+                host_s=[interval.start_s, interval.stamp_s],
+            )
 
 
 class _HostJob(RunningJob):

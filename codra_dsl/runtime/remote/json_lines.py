@@ -56,13 +56,17 @@ def read_line(stream: BinaryIO) -> bytes | None:
 
 
 def request_of_line(line: bytes) -> object:
-    """Return the request that a line carries. Only its own fields can be infinite: they contain no objects.
+    """Return the request that a line carries. Only its own fields, and its `values`, can be infinite.
 
     Raises:
         MessageError: if the line is not JSON, or holds a number that is not finite.
     """
     request = message_of(line, object_hook=None)
-    return restore_infinite(request) if isinstance(request, dict) else request
+    restored = restore_infinite(request) if isinstance(request, dict) else request
+    if isinstance(restored, dict) and isinstance(restored.get("values"), list):
+        entries = restored["values"]
+        restored["values"] = [restore_infinite(entry) if isinstance(entry, dict) else entry for entry in entries]
+    return restored
 
 
 def message_of(line: bytes, object_hook: Callable[[PlainData], Any] | None = restore_infinite) -> object:

@@ -42,11 +42,12 @@ def write_credentials(
         names: the names and addresses of the manager's machine, for its certificate.
 
     Raises:
-        SecurityError: if the folder exists, or certificates cannot be made.
+        SecurityError: if the folder exists, two users have one name, or certificates cannot be made.
         OSError: if a file cannot be written.
     """
     if folder.exists():
         raise SecurityError(f"'{folder}' exists: choose another folder, or remove it to replace all passwords")
+    _check_names(hosts, agents)
     users = sorted({MAIN, OPERATOR, *hosts, *agents})
     passwords = {user: secrets.token_urlsafe(24) for user in users}
     authority, certificate, key = _certificates(names)
@@ -67,6 +68,18 @@ def write_credentials(
         files[f"{user}.json5"] = json.dumps(credentials, indent=2)
     files[PASSWORDS_FILE] = "".join(f"{user}:{password}\n" for user, password in passwords.items())
     return tuple(_write(folder / name, text) for name, text in files.items())
+
+
+def _check_names(hosts: Collection[str], agents: Collection[str]) -> None:
+    """Check that each name belongs to one user; the main execution may also be an agent."""
+    own_names = {MANAGER, OPERATOR, PASSWORDS_FILE}
+    taken_names = sorted({*hosts} & {*own_names, MAIN, *agents}) or sorted({*agents} & own_names)
+    if taken_names:
+        name = taken_names[0]
+        kind = "host" if name in hosts else "agent"
+        raise SecurityError(
+            f"{kind} {name!r} has the name of another user, and would have its rights: rename the {kind}"
+        )
 
 
 def access_control(spec: str, users: Collection[str]) -> Mapping[str, object]:

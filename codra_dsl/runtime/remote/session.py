@@ -306,6 +306,7 @@ class Session:
     def _attach(self, host: str, digest: str = "") -> PlainData:
         own_digest = manifest_of(package_folder(self._codra)).get("model", "")
         if digest != own_digest:
+            self._codra.hosts.refuse(host, "it has another version of the spec than the manager")
             raise ValueError(
                 f"host {host!r} has another version of the spec than the manager: compile both from the same files"
             )
@@ -318,6 +319,8 @@ class Session:
     def _evidence(
         self, *, algorithm: str, index: int, start_s: float, stamp_s: float, earliest_s: float, host_s: list[float]
     ) -> PlainData:
+        if not -math.inf < start_s <= earliest_s <= stamp_s:
+            raise ValueError(f"evidence has a start, then a stamp: not {start_s} and {earliest_s} to {stamp_s}")
         now_s = self._clock.now_s()  # what has reached the manager cannot have ended later
         interval = Interval(start_s, min(stamp_s, now_s), min(earliest_s, now_s), (host_s[0], host_s[1]))
         self._codra.hosts.report_evidence(self._host, (algorithm, index), interval)

@@ -9,14 +9,14 @@ from typing import Any, Self
 
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.forks import new_lock
-from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, line_of, message_of
+from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, line_of, request_of_line
 from codra_dsl.runtime.remote.ordering import Numbering, Ordering
 from codra_dsl.runtime.remote.permissions import Permissions
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData, error_to, notice
 from codra_dsl.runtime.remote.server import MAX_CONNECTIONS
 from codra_dsl.runtime.remote.session import Session, open_session
 from codra_dsl.runtime.remote.zenoh_link import ROOT
-from codra_dsl.runtime.remote.zenoh_session import NetworkAddress, ZenohSession
+from codra_dsl.runtime.remote.zenoh_session import NetworkAddress, ZenohSession, has_users
 
 _HOST = re.compile(r"(?P<protocol>[a-z_]+)/\[?(?P<host>[^\]/]*?)\]?:\d+(?:[?#].*)?")
 _PROTECTED_PROTOCOLS = frozenset({"tls", "quic"})
@@ -78,20 +78,13 @@ class ZenohServer:
         client = self._client(link, attachment)
         if client is None:
             return
-        try:
-            message = self._message(payload)
-        except MessageError as error:
-            self._send(link, client, error_to(None, error))
-            return
-        for ready_message in client.ordering.add(int(attachment), message):
-            client.session.receive(ready_message)
+        for ready_payload in client.ordering.add(int(attachment), payload):
+            try:
+                client.session.receive(_request(ready_payload))
+            except MessageError as error:
+                self._send(link, client, error_to(None, error))
         if client.session.is_over:
             self._drop(link, "the session is over")
-
-    def _message(self, payload: bytes) -> Any:
-        if len(payload) > MAX_LINE_BYTES:
-            raise MessageError(f"a request may have at most {MAX_LINE_BYTES} bytes")
-        return message_of(payload)
 
     def _client(self, link: str, attachment: str) -> _Client | None:
         """Return the client of a link, which the first message opens; None if there is none."""
@@ -99,7 +92,9 @@ class ZenohServer:
             client = self._clients.get(link)
             if client is not None or not attachment.isdecimal() or link in self._ended_links:
                 return client
-            if len(self._clients) >= MAX_CONNECTIONS:
+            if not self._has_room():
+                message = f"{MAX_CONNECTIONS} programs are connected already: connect again when one has left"
+                self._session.send(f"{self._root}/from/{link}", line_of(notice("closed", message=message)), "1")
                 return None
 
             def send(message: PlainData) -> None:
@@ -108,6 +103,13 @@ class ZenohServer:
             opened_client = _Client(open_session(self._codra, send, self._permissions(link)))
             self._clients[link] = opened_client
             return opened_client
+
+    def _has_room(self) -> bool:
+        """Return whether a client can be added, after clients whose sessions are over were removed."""
+        if len(self._clients) >= MAX_CONNECTIONS:
+            for link in [link for link, client in self._clients.items() if client.session.is_over]:
+                del self._clients[link]
+        return len(self._clients) < MAX_CONNECTIONS
 
     def _permissions(self, link: str) -> Permissions | None:
         """Return what the user of a link may request; None for everything, if the network has no users."""
@@ -136,6 +138,17 @@ class ZenohServer:
             client.session.close(because)
 
 
+def _request(payload: bytes) -> object:
+    """Return the request that a message carries.
+
+    Raises:
+        MessageError: if the message is too large, or is not JSON.
+    """
+    if len(payload) > MAX_LINE_BYTES:
+        raise MessageError(f"a request may have at most {MAX_LINE_BYTES} bytes")
+    return request_of_line(payload)
+
+
 def _link_of(key: str) -> str:
     """Return the user and the number of a link, from a key."""
     return "/".join(key.split("/")[-2:])
@@ -146,12 +159,14 @@ def check_exposure(address: NetworkAddress) -> None:
 
     Raises:
         PermissionError: if neither is the case.
+        ConnectionError: if the settings cannot be read.
+        MissingZenohError: if Zenoh is not installed.
     """
     match = _HOST.fullmatch(address.endpoint)
     if match is not None and _is_loopback(match["host"]):
         return
     is_protected = match is not None and match["protocol"] in _PROTECTED_PROTOCOLS and address.config is not None
-    if not is_protected:
+    if not is_protected or not has_users(address):
         raise PermissionError(
             f"other machines could connect to {address} without a password: "
             "listen at 127.0.0.1, or configure TLS and users"

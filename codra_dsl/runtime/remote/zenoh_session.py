@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from codra_dsl.isolation.error_text import loggable
@@ -81,18 +82,16 @@ class ZenohSession:
             MissingZenohError: if Zenoh is not installed.
             ConnectionError: if the session cannot be opened.
         """
-        try:
-            import zenoh  # noqa: PLC0415 - an extra, which most programs do not need
-        except ImportError as error:
-            raise MissingZenohError("a network address needs Zenoh: pip install 'codra-dsl[net]'") from error
+        zenoh = _imported_zenoh()
         self.has_overflown = False
         self._is_closed = False
         self._zenoh = zenoh
         self._arrivals: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._unsent: queue.Queue[tuple[str, bytes, str] | None] = queue.Queue(MAX_UNSENT_MESSAGES)
         self._entities: list[Any] = []
+        config = _settings(address)
         try:
-            config = _config(zenoh, address, is_router=is_router)
+            _configure(config, address, is_router=is_router)
             self.user = str(json.loads(config.get_json("transport/auth/usrpwd/user")) or "")
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
@@ -172,7 +171,7 @@ class ZenohSession:
                 _LOGGER.warning("a message is not sent: %s", error)
         for entity in self._entities:
             entity.undeclare()
-        self._session.close()  # type: ignore[no-untyped-call]  # its stub has no type
+        self._session.close()
 
     def _next_unsent(self) -> tuple[str, bytes, str] | None:
         """Return the next message to send; None if the session is closed, or if the program ends."""
@@ -184,8 +183,40 @@ class ZenohSession:
                     return None
 
 
-def _config(zenoh_module: Any, address: NetworkAddress, *, is_router: bool) -> Any:
-    config = zenoh_module.Config() if address.config is None else zenoh_module.Config.from_file(address.config)
+def has_users(address: NetworkAddress) -> bool:
+    """Return whether the settings of an address demand passwords, and deny what no rule allows.
+
+    Raises:
+        MissingZenohError: if Zenoh is not installed.
+        ConnectionError: if the settings cannot be read.
+    """
+    config = _settings(address)
+    keys = ("transport/auth/usrpwd/dictionary_file", "access_control/enabled", "access_control/default_permission")
+    passwords_file, is_controlled, default_permission = (json.loads(config.get_json(key)) for key in keys)
+    return bool(passwords_file) and is_controlled is True and default_permission == "deny"
+
+
+def _imported_zenoh() -> ModuleType:
+    try:
+        import zenoh  # noqa: PLC0415 - an extra, which most programs do not need
+    except ImportError as error:
+        raise MissingZenohError("a network address needs Zenoh: pip install 'codra-dsl[net]'") from error
+    return zenoh
+
+
+def _settings(address: NetworkAddress) -> Any:
+    """Return the settings of an address, or raise an error as `ZenohSession` does."""
+    zenoh_module = _imported_zenoh()
+    if address.config is None:
+        return zenoh_module.Config()
+    try:
+        return zenoh_module.Config.from_file(address.config)
+    except zenoh_module.ZError as error:
+        reason = " ".join(str(error).partition(" at /")[0].split())
+        raise ConnectionError(f"the credentials '{address.config}' cannot be read: {reason[:200]}") from None
+
+
+def _configure(config: Any, address: NetworkAddress, *, is_router: bool) -> None:
     passwords_file = json.loads(config.get_json("transport/auth/usrpwd/dictionary_file"))
     if passwords_file and address.config is not None:
         path = address.config.absolute().parent / passwords_file
@@ -201,4 +232,3 @@ def _config(zenoh_module: Any, address: NetworkAddress, *, is_router: bool) -> A
     }
     for key, setting in settings.items():
         config.insert_json5(key, json.dumps(setting))
-    return config

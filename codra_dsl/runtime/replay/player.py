@@ -70,6 +70,9 @@ class Player:
             find=self.jobs.find,
             knowledge=knowledge,
         )
+        hosts_of_run = {algorithm.host for algorithm in header.summary.algorithms.values()}
+        for host in sorted(self.manager.hosts.names - hosts_of_run):  # in the run, its algorithms had no host
+            self.manager.hosts.connect(host, None)
         self._commands = self.manager.commands
         self._types = {variable.name: variable.type for variable in model.variables}
         self._skill_names = frozenset(skill.name for skill in model.skills)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from codra_dsl.integrations.testing.run import StoryFailed
 from codra_dsl.runtime import CallError, EventLog, Kind, SimClock, WallClock
 from generated import kitchen
+from generated.kitchen import fridge
 from tests.integrations.testing.timelines import kitchen_run, run_of_only_story
 from tests.kitchen_world import Kitchen
 
@@ -396,3 +398,17 @@ def test_another_seed_gives_another_event_log() -> None:
         texts.append(run.record.text())
 
     assert texts[0] != texts[1]
+
+
+def test_in_a_story_the_functions_of_hosts_are_scripted_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fridge, "LOOK_AT_FRIDGE", replace(fridge.LOOK_AT_FRIDGE, host="arm_pc"))
+    kitchen_run(
+        FRIDGE
+        + """\
+stories:
+  case:
+    0 s: {main_execution: {declare: [fridge_open]}}
+    10 s:
+      believes: {fridge_open: false}
+"""
+    ).play()

@@ -228,6 +228,22 @@ def test_a_host_that_cannot_be_attached_is_told_why(fields: Mapping[str, str], m
         assert sent[0]["error"]["message"] == message
 
 
+def test_a_variable_tells_that_its_host_has_another_version_of_the_spec(tmp_path: Path) -> None:
+    clock, path = SimClock(), tmp_path / "run.mcap"
+    with ContextManager[str, str](MODEL, clock=clock, resources={"world": world()}, record=Journal(path)) as manager:
+        declare_all(manager)
+        attach = {"codra": 1, "ask": "attach", "host": ARM, "digest": "sha256:other"}
+        for _ in range(3):
+            clock.sleep(0.5)
+            open_session(manager, lambda _: None).receive(attach)
+        clock.sleep(0.5)
+        detail = "host 'arm_pc' is not connected: it has another version of the spec than the manager"
+        assert manager.get("door_open").detail == detail
+        assert detail in str(manager.why("door_open"))
+        assert events(manager, Kind.HOST) == ["lost"]
+    assert replay(*read(path), MODEL, ContextManager, None).difference is None
+
+
 def test_a_host_over_a_bad_network_loses_no_result_for_good() -> None:
     faults = Faults(delay_s=(0.001, 0.08), loss=0.01, duplication=0.05)
     for seed in range(20):

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.runtime import ContextManager, WallClock
-from codra_dsl.runtime.remote import RemoteContext
+from codra_dsl.runtime.remote import RemoteContext, zenoh_server
 from codra_dsl.runtime.remote.endpoints import connect, serve
 from codra_dsl.runtime.remote.host import Host
 from codra_dsl.runtime.remote.zenoh_server import check_exposure
@@ -111,6 +111,14 @@ def test_when_the_manager_closes_programs_are_told_and_a_host_waits_for_the_next
     assert states.count("connected") == 2
 
 
+def test_a_manager_without_a_free_place_says_so(address: NetworkAddress, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(zenoh_server, "MAX_CONNECTIONS", 1)
+    with manager_at(address), RemoteContext(address) as codra:
+        with pytest.raises(ConnectionError, match="1 programs are connected already: connect again when one has left"):
+            RemoteContext(address)
+        assert codra.get("near").name == "near"
+
+
 def test_the_address_of_no_manager_is_reported(address: NetworkAddress) -> None:
     with pytest.raises(ConnectionError, match=re.escape("cannot connect at tcp/127.0.0.1")):
         RemoteContext(address)
@@ -129,7 +137,7 @@ def test_a_manager_may_listen_to_its_own_machine(endpoint: str) -> None:
 
 PROGRAM = """
 import sys
-from codra_dsl.runtime.remote import RemoteContext
+from codra_dsl.runtime.remote import RemoteContext, zenoh_server
 from codra_dsl.runtime.remote.zenoh_session import NetworkAddress
 
 codra = RemoteContext(NetworkAddress(sys.argv[1]))

@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.remote import NetworkAddress, NotPermittedError, RemoteContext
 from codra_dsl.runtime.remote.permissions import Permissions
 from codra_dsl.runtime.remote.protocol import REQUESTS, VERSION, request_of
 from codra_dsl.runtime.remote.security import SecurityError, access_control, write_credentials
+from codra_dsl.runtime.remote.zenoh_server import check_exposure
 from codra_dsl.runtime.remote.zenoh_session import ZenohSession
 from tests.runtime.remote.test_hosts import ARM, world
 from tests.runtime.remote.test_network import Manager, eventually, free_port, host_at, manager_at
@@ -174,6 +176,74 @@ def test_credentials_are_for_their_owner_only_and_are_never_replaced(credentials
     assert {stat.S_IMODE(path.stat().st_mode) for path in credentials.iterdir()} == {0o600}
     with pytest.raises(SecurityError, match="exists: choose another folder"):
         write_credentials(credentials, SPEC, hosts=[], agents=[], names=["127.0.0.1"])
+
+
+@pytest.mark.parametrize("change", ["no users", "no rules", "rules that permit everything"])
+def test_a_manager_with_tls_but_without_users_and_rules_listens_only_to_its_own_machine(
+    change: str, credentials: Path, tmp_path: Path
+) -> None:
+    settings = json.loads((credentials / "manager.json5").read_text(encoding="utf-8"))
+    match change:
+        case "no users":
+            del settings["transport"]["auth"]
+        case "no rules":
+            del settings["access_control"]
+        case _:
+            settings["access_control"]["default_permission"] = "allow"
+    path = tmp_path / "manager.json5"
+    path.write_text(json.dumps(settings), encoding="utf-8")
+    with pytest.raises(PermissionError, match="other machines could connect"):
+        check_exposure(NetworkAddress("tls/192.168.1.5:7447", path))
+
+
+def test_a_manager_with_tls_and_users_may_listen_to_other_machines(credentials: Path) -> None:
+    check_exposure(NetworkAddress("tls/192.168.1.5:7447", credentials / "manager.json5"))
+
+
+@pytest.mark.parametrize("text", ["", "{", "{transport: {auth: 5}}"])
+def test_credentials_that_cannot_be_read_are_named(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "operator.json5"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConnectionError, match=f"the credentials '{path}' cannot be read: [^\n]+$"):
+        ZenohSession(NetworkAddress("tls/127.0.0.1:7447", path), is_router=False)
+
+
+@pytest.mark.parametrize(
+    ("hosts", "agents", "kind"),
+    [
+        (["manager"], [], "host 'manager'"),
+        (["operator"], [], "host 'operator'"),
+        (["main_execution"], [], "host 'main_execution'"),
+        ([ARM], [ARM], f"host '{ARM}'"),
+        ([], ["operator"], "agent 'operator'"),
+        ([], ["passwords"], "agent 'passwords'"),
+    ],
+)
+def test_no_user_gets_the_credentials_of_another_one(
+    hosts: list[str], agents: list[str], kind: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SecurityError, match=f"{kind} has the name of another user"):
+        write_credentials(tmp_path / "new", SPEC, hosts=hosts, agents=agents, names=["127.0.0.1"])
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_decision_of_a_user_who_may_not_report_its_own_value_has_this_value(
+    manager: Manager, address_as: Callable[[str], NetworkAddress]
+) -> None:
+    with RemoteContext(address_as("gripper")) as codra:
+        codra.declare("door_open")
+        assert codra.decide("door_open", lambda: True) is True
+    assert manager.record.of(Kind.DECISION, "door_open")[-1].details["raised"] == "NotPermittedError"
+
+
+def test_a_message_that_is_no_request_does_not_end_the_messages_of_its_link(attacker: ZenohSession) -> None:
+    answers: list[object] = []
+    attacker.subscribe(f"codra/{SPEC}/from/gripper/0123", lambda _key, payload, _: answers.append(json.loads(payload)))
+    keep = json.dumps({"codra": VERSION, "id": 7, "ask": "keep"}).encode()
+    for number, payload in enumerate((keep, b"no request", keep), 1):
+        attacker.send(f"codra/{SPEC}/to/gripper/0123", payload, str(number))
+    eventually(lambda: len(answers) == 3)
+    assert ["error" in answer for answer in answers] == [False, True, False]  # type: ignore[operator]
 
 
 def test_every_request_is_permitted_to_somebody() -> None:

@@ -29,6 +29,7 @@ from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.reader import JournalReader
 from codra_dsl.runtime.replay import Replayed, replay
+from codra_dsl.runtime.replay.comparison import Difference
 from codra_dsl.runtime.replay.recording import RecordedEvent, Recording
 from codra_dsl.runtime.values.model import SkillModel, member, real
 from tests.runtime.door import GIVEN_NEAR, LOOK, MEASURE_DISTANCE, MODEL, OBSERVERS

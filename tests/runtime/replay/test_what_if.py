@@ -26,7 +26,7 @@ from codra_dsl.runtime.replay.decision_counts import total
 from codra_dsl.runtime.replay.undetermined import Undetermined
 from codra_dsl.runtime.values.declarations import DERIVED
 from codra_dsl.runtime.values.model import PreviewCondition, SkillModel, integer
-from tests.runtime.forests import Look, World, algorithm, forest, given, observer, takes, variable
+from tests.runtime.forests import Look, World, algorithm, forest, given, observer, seen, takes, variable
 from tests.runtime.journal.journals import read
 
 Manager = ContextManager[str, str]
@@ -555,3 +555,18 @@ def test_a_forged_journal_cannot_let_a_replay_go_on_forever(tmp_path: Path, monk
     forged = [*events[:last_input], replace(events[last_input], instant_s=1e12), *events[last_input + 1 :]]
 
     assert "steps since the last input of the run" in replayed(header, forged, Thresholds(light=0)).ended_because
+
+
+def test_an_algorithm_that_has_a_host_only_in_the_package_looks_as_in_the_run(tmp_path: Path) -> None:
+    def model(host: str) -> ContextModel:
+        return forest([variable("door_open", valid_for_s=9.0)], observer("doors", seen("look", "door_open", host=host)))
+
+    clock, world = SimClock(), World({"look": {"seen": True}})
+    with Manager(model(""), clock=clock, resources={"world": world}, record=Journal(tmp_path / "run.mcap")) as manager:
+        manager.declare("door_open")
+        clock.sleep(3.5)
+        manager.decide("door_open", lambda: None)
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replay(header, events, model("arm_pc"), Manager, None)
+    assert result.decisions == {"door_open": DecisionCounts(decisions=1, recorded=1, replayed=1)}
