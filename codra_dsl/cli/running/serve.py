@@ -36,7 +36,9 @@ def serve_command(
     listen: Annotated[
         str,
         typer.Option(
-            metavar="ADDRESS", help="The path of a Unix socket, or a port of this machine.", show_default=False
+            metavar="ADDRESS",
+            help="A Unix socket, a port, or an endpoint such as tcp/127.0.0.1:7447.",
+            show_default=False,
         ),
     ],
     credentials: CredentialsOption = None,

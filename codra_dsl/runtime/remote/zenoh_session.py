@@ -36,6 +36,12 @@ MAX_UNSENT_MESSAGES = 10_000
 _END_CHECK_PERIOD_S = 0.2
 _CLOSE_TIMEOUT_S = 2.0
 
+_HINTS = {
+    True: "; an address with TLS needs credentials: `codra serve --write-security` writes them",
+    False: "; if the manager has users, it needs the credentials of one of them",
+}
+"""How to go on without a file of settings, for a session that listens (True) or connects (False)."""
+
 Arrive = Callable[[str, bytes, str], None]
 """Handles a message: its key, its payload and its attachment."""
 
@@ -97,7 +103,9 @@ class ZenohSession:
         except zenoh.ZError as error:
             doing = "listen" if is_router else "connect"
             reason, _, _source_line = str(error).partition(" at /")
-            raise ConnectionError(f"cannot {doing} at {address}: {reason[:200]}") from None
+            lacks_credentials = address.config is None and address.endpoint.startswith(("tls/", "quic/"))
+            hint = _HINTS[is_router] if lacks_credentials else ""
+            raise ConnectionError(f"cannot {doing} at {address}: {reason[:200]}{hint}") from None
         threading.Thread(target=self._handle_arrivals, name="codra-network", daemon=True).start()
         # Not a daemon: at the end of the program, the interpreter may not end a thread that is inside of Zenoh.
         self._sender = threading.Thread(target=self._send_all, name="codra-network-sender", daemon=False)
@@ -228,7 +236,7 @@ def _configure(config: Any, address: NetworkAddress, *, is_router: bool) -> None
         "transport/link/tx/keep_alive": 4,
         "transport/unicast/open_timeout": OPEN_TIMEOUT_MS,
         ("listen" if is_router else "connect") + "/endpoints": [address.endpoint],
-        "listen/exit_on_failure" if is_router else "connect/timeout_ms": True if is_router else 4_000,
+        "listen/exit_on_failure" if is_router else "connect/timeout_ms": True if is_router else 1_500,
     }
     for key, setting in settings.items():
         config.insert_json5(key, json.dumps(setting))

@@ -266,3 +266,13 @@ def test_every_request_is_permitted_to_somebody() -> None:
 def _fitting(kind: str) -> object:
     examples: dict[str, object] = {"a text": "near", "a list of two": [0.0, 1.0], "a list of at most": []}
     return next((example for start, example in examples.items() if kind.startswith(start)), 1)
+
+
+def test_an_address_with_tls_and_without_credentials_says_what_is_missing(
+    address_as: Callable[[str], NetworkAddress],
+) -> None:
+    endpoint = address_as("operator").endpoint
+    with pytest.raises(ConnectionError, match="it needs the credentials of one of them"):
+        RemoteContext(NetworkAddress(endpoint))
+    with pytest.raises(ConnectionError, match="codra serve --write-security"):
+        ZenohSession(NetworkAddress(f"tls/127.0.0.1:{free_port()}"), is_router=True)
