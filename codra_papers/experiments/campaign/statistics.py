@@ -48,6 +48,11 @@ class Estimate:
         """Return whether the interval lies completely below zero."""
         return self.high is not None and self.high < 0.0
 
+    def __neg__(self) -> Estimate:
+        """Return the estimate of the negated value."""
+        value, low, high = (None if number is None else 0.0 - number for number in (self.value, self.high, self.low))
+        return Estimate(value=value, low=low, high=high)
+
 
 @dataclass(frozen=True, slots=True)
 class Share:

@@ -94,10 +94,16 @@ def trigger_sentences(runs: Runs, slot_algorithms: Sequence[str]) -> Iterator[st
             fewer_triggers(runs, arm, NAIVE.name, names) for names in (PCR_CYCLER_LID_ALGORITHMS, slot_algorithms)
         )
         yield (
-            f"{arm} triggers the PCR-cycler's lid {percent(lid_share)} % less often than {NAIVE.name} (P1: 79.4 %), "
-            f"and all perception that needs the vision slot {percent(vision_share)} % less often."
+            f"{arm} triggers the PCR-cycler's lid {_less_often_text(lid_share)} than {NAIVE.name} (P1: 79.4 % less "
+            f"often), and all perception that needs the vision slot {_less_often_text(vision_share)}."
         )
     yield _trigger_hope_sentence(runs, slot_algorithms)
+
+
+def _less_often_text(saved_share: Estimate) -> str:
+    if saved_share.value is not None and saved_share.value < 0.0:
+        return f"{percent(-saved_share)} % more often"
+    return f"{percent(saved_share)} % less often"
 
 
 def _trigger_hope_sentence(runs: Runs, slot_algorithms: Sequence[str]) -> str:

@@ -71,6 +71,12 @@ def test_the_interval_lies_among_the_ratios_of_all_possible_resamples() -> None:
     assert ratios[0] <= estimate.low < 41 / 60 < estimate.high <= ratios[-1]
 
 
+def test_a_negated_estimate_has_swapped_ends_and_no_negative_zero() -> None:
+    estimate = -Estimate(value=-0.25, low=-0.5, high=0.0)
+
+    assert repr(estimate) == repr(Estimate(value=0.25, low=0.0, high=0.5))
+
+
 def test_pairing_removes_the_difficulty_that_a_run_has_for_both_arms() -> None:
     random = Random(1)
     shares_of_runs = [random.uniform(0.2, 0.9) for _ in range(20)]

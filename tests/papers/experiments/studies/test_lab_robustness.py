@@ -247,6 +247,28 @@ def test_the_summary_answers_the_questions_of_the_protocol(judged_runs: Judged) 
         assert expected_text in summary
 
 
+def test_an_arm_with_twice_the_triggers_triggers_more_often_and_not_less_often_by_a_negative_share(
+    judged_runs: Judged,
+) -> None:
+    outcomes = {
+        name: with_triggers(outcome, {"naive": 10, "preconditions": 20})
+        for name, outcome in judged_runs.outcomes.items()
+    }
+    summary = EXPERIMENT.judge(judged_runs.settings, outcomes).summary
+    sentence = next(text for text in summary if text.startswith("preconditions triggers the PCR-cycler's lid"))
+
+    assert "100.0 [100.0, 100.0] % more often than naive (P1: 79.4 % less often)" in sentence
+
+
+def with_triggers(outcome: Outcome, count_by_arm: Mapping[str, int]) -> Outcome:
+    algorithms = {algorithm for arm in outcome.arms.values() for algorithm in arm.triggers}
+    arms = {
+        name: replace(arm, triggers=dict.fromkeys(algorithms, count_by_arm.get(name, 1)))
+        for name, arm in outcome.arms.items()
+    }
+    return replace(outcome, arms=arms)
+
+
 def test_drawings_are_complete_svg_documents_and_photographs_are_files(judged_runs: Judged) -> None:
     parts = [part for section in judged_runs.document.sections for part in section.parts]
     drawings_in_report = [part for part in parts if isinstance(part, Drawing)]
