@@ -46,7 +46,8 @@ class Verdict:
     def suggestion(self) -> tuple[str, bool] | None:
         """Return the first suggestion for a misspelt name, and whether it is correct.
 
-        It is correct if it is the original token, or a name in the message with the original token restored.
+        It is correct if it is the original token, or a name in the message with the original token restored. If a
+        declaration is misspelt, its uses are reported: then the suggestion is correct if it is the misspelt name.
         """
         findings_and_matches = ((finding, SUGGESTION.search(finding.help)) for finding in self.findings)
         first = next(((finding, match["name"]) for finding, match in findings_and_matches if match is not None), None)
@@ -54,8 +55,10 @@ class Verdict:
             return None
         finding, name = first
         token, typo = self.mutant.token.text, self.mutant.replacement
-        named = {text for pair in QUOTED.findall(finding.message) for text in pair if typo in text}
-        return name, name == token or name in {text.replace(typo, token) for text in named}
+        named = {text for pair in QUOTED.findall(finding.message) for text in pair}
+        restored = {text.replace(typo, token) for text in named if typo in text}
+        is_misspelt_declaration = DECLARED.match(self.mutant.context) is not None and token in named
+        return name, name == token or name in restored or (is_misspelt_declaration and name == typo)
 
 
 @dataclass(frozen=True)
