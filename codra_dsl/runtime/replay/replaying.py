@@ -198,7 +198,7 @@ def _is_step_before(event: Event, player: Player, last_step: int, passed_s: floa
             raise DivergedError
         return is_same or not _ends_job_before_next_step(event, player)
     if due_s > instant_s or clock.step_count < last_step:
-        return due_s <= instant_s
+        return due_s <= instant_s and (is_same or not _ends_job_before_next_step(event, player))
     if due_s < instant_s - PUNCTUALITY_TOLERANCE_S:
         return event.what != "late" and not player.recording.is_late(event.details["step"], due_s)
     is_at_same_instant = instant_s > passed_s and due_s >= instant_s - _ROUNDING_S
