@@ -16,12 +16,15 @@ from codra_papers.experiments.studies.factors.design import CELLS, FACTORS, NAIV
 from codra_papers.experiments.studies.factors.findings import CellFinding
 from codra_papers.experiments.studies.robustness import paper
 
-_WIDTH_IN, _HEIGHT_IN = 11.0, 5.8
+_WIDTH_IN, _HEIGHT_IN = 11.0, 5.9
 _NAIVE_STYLE: dict[str, Any] = {"marker": "s", "color": "#444444"}
 _PRECONDITIONS_STYLE: dict[str, Any] = {"marker": "o", "color": "#1f5fa8"}
 _NEED_STYLE: dict[str, Any] = {"marker": "D", "color": "#00795c"}
 _ON_EVENT_STYLE: dict[str, Any] = {"marker": "^", "color": "#b3590c"}
 """The marks of arms. They differ in shape, and not only in colour."""
+
+_LANE = 0.16
+"""The distance between the marks of two arms in a row, so that no mark hides another."""
 
 _PAPER_STYLE: dict[str, Any] = {"color": "#777777", "linestyle": "--", "linewidth": 1.2}
 
@@ -35,15 +38,15 @@ def cells_picture(findings: Sequence[CellFinding]) -> Drawing:
     with figure_style():
         figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), layout="constrained")
         ratios, triggers = figure.subplots(1, 2, sharey=True)
-        for arm, style in ((NAIVE_LIDS, _NAIVE_STYLE), (PRECONDITIONS, _PRECONDITIONS_STYLE)):
+        for lane, (arm, style) in enumerate(((NAIVE_LIDS, _NAIVE_STYLE), (PRECONDITIONS, _PRECONDITIONS_STYLE))):
             by_cell = {finding.cell: finding.ratio for finding in _of(findings, "centrifuge_open", arm.name)}
-            _draw_arm(ratios, arm.name, by_cell, style)
+            _draw_arm(ratios, arm.name, by_cell, style, (lane - 0.5) * _LANE)
         _draw_constant_answers(ratios, _of(findings, "centrifuge_open", NAIVE_LIDS.name))
         for arm, style in zip(PACED_ARMS, (_PRECONDITIONS_STYLE, _NEED_STYLE, _ON_EVENT_STYLE), strict=True):
             by_cell = {finding.cell: finding.triggers.fewer for finding in _of(findings, "pcr_cycler_open", arm.name)}
-            _draw_arm(triggers, arm.name, by_cell, style)
-        _draw_paper(ratios, paper.NAIVE_RATIO, paper.CONTEXT_DRIVEN_RATIO)
-        _draw_paper(triggers, 1 - paper.CONTEXT_DRIVEN_TRIGGERS / paper.NAIVE_TRIGGERS)
+            _draw_arm(triggers, arm.name, by_cell, style, 0.0)
+        _draw_paper(ratios, {paper.NAIVE: paper.NAIVE_RATIO, paper.CONTEXT_DRIVEN: paper.CONTEXT_DRIVEN_RATIO})
+        _draw_paper(triggers, {paper.CONTEXT_DRIVEN: 1 - paper.CONTEXT_DRIVEN_TRIGGERS / paper.NAIVE_TRIGGERS})
         _label(ratios, "ratio of centrifuge_open")
         _label(triggers, "saved share of triggers of the PCR-cycler's lid")
         ratios.set_yticks(range(len(CELLS)), [", ".join(cell.levels) for cell in CELLS])
@@ -62,15 +65,15 @@ def _of(findings: Sequence[CellFinding], variable: str, arm: str) -> Sequence[Ce
     return [finding for finding in findings if (finding.variable, finding.arm) == (variable, arm)]
 
 
-def _draw_arm(axes: Axes, name: str, estimates: dict[Cell, Estimate], style: dict[str, Any]) -> None:
-    for row, cell in enumerate(CELLS):
+def _draw_arm(axes: Axes, name: str, estimates: dict[Cell, Estimate], style: dict[str, Any], offset: float) -> None:
+    for row, cell in zip(range(len(CELLS)), CELLS, strict=True):
         estimate = estimates.get(cell)
         if estimate is None or estimate.value is None:
             continue
         if estimate.low is not None and estimate.high is not None:
-            axes.plot([estimate.low, estimate.high], [row, row], color=style["color"], linewidth=2.0)
-        axes.plot([estimate.value], [row], linestyle="none", markersize=7, **style)
-    axes.plot([], [], linestyle="none", markersize=7, label=name, **style)
+            axes.plot([estimate.low, estimate.high], [row + offset] * 2, color=style["color"], linewidth=2.0)
+        axes.plot([estimate.value], [row + offset], linestyle="none", markersize=6.5, **style)
+    axes.plot([], [], linestyle="none", markersize=6.5, label=name, **style)
 
 
 def _draw_constant_answers(axes: Axes, findings: Sequence[CellFinding]) -> None:
@@ -81,10 +84,10 @@ def _draw_constant_answers(axes: Axes, findings: Sequence[CellFinding]) -> None:
     axes.plot([], [], color="black", linewidth=1.5, label="constant answer")
 
 
-def _draw_paper(axes: Axes, *values: float) -> None:
-    for value in values:
+def _draw_paper(axes: Axes, value_by_name: dict[str, float]) -> None:
+    for (name, value), side in zip(value_by_name.items(), ("right", "left"), strict=False):
         axes.axvline(value, **_PAPER_STYLE)
-    axes.plot([], [], label="P1", **_PAPER_STYLE)
+        axes.text(value, -0.55, name, ha=side, va="bottom", fontsize=8.5, color="#555555")
 
 
 def _label(axes: Axes, title: str) -> None:

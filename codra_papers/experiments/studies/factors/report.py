@@ -121,7 +121,7 @@ def _ratio_table(findings: Sequence[CellFinding], variable: str) -> Table:
 
 def _effect_table(all_effects: Sequence[Effect]) -> Table:
     rows = [
-        (label(effect.variable), effect.arm, " x ".join(effect.factors), interval(effect.estimate))
+        (label(effect.variable), effect.arm, " x ".join(map(_steps_text, effect.factors)), interval(effect.estimate))
         for effect in all_effects
     ]
     caption = (
@@ -174,10 +174,11 @@ def _summary(findings: Sequence[CellFinding], all_effects: Sequence[Effect]) -> 
         preconditions = by_cell_and_arm[nearest.cell, PRECONDITIONS.name]
         levels = ", ".join(f"{name} {level}" for name, level in zip(FACTORS, nearest.cell.levels, strict=True))
         yield (
-            f"Of the cells of localiser, lid and camera, the ratio of centrifuge_open with {NAIVE_LIDS.name} is "
-            f"nearest to P1's {paper.NAIVE_RATIO} with {levels}: {_ratio_text(nearest.ratio)}. There, it is "
-            f"{_ratio_text(preconditions.ratio)} with {PRECONDITIONS.name} (P1: {paper.CONTEXT_DRIVEN_RATIO}), and "
-            f"{_number_text(nearest.comparison.constant_ratio)} with a constant answer."
+            f"In the cells of localiser, lid and camera, the ratio of centrifuge_open is {_range_of(naive)} with "
+            f"{NAIVE_LIDS.name}. Of these, {_ratio_text(nearest.ratio)} is nearest to P1's {paper.NAIVE_RATIO}, with "
+            f"{levels}. There, it is {_ratio_text(preconditions.ratio)} with {PRECONDITIONS.name} (P1: "
+            f"{paper.CONTEXT_DRIVEN_RATIO}), and {_number_text(nearest.comparison.constant_ratio)} with a constant "
+            "answer."
         )
         yield f"The largest effects on this ratio: {'; '.join(_effect_texts(all_effects))}."
         saved = "; ".join(_range_text(findings, arm.name) for arm in PACED_ARMS)
@@ -196,7 +197,17 @@ def _effect_texts(all_effects: Sequence[Effect]) -> Iterator[str]:
         ]
         if known_effects:
             largest = max(known_effects, key=lambda effect: abs(effect.estimate.value or 0.0))
-            yield f"{interval(largest.estimate)} by {' x '.join(largest.factors)} with {arm.name}"
+            yield f"{interval(largest.estimate)} by {' x '.join(map(_steps_text, largest.factors))} with {arm.name}"
+
+
+def _steps_text(factor: str) -> str:
+    """Return a factor with its levels: its effect is that of the step from the first level to the second."""
+    return f"{factor} ({' to '.join(FACTORS[factor])})"
+
+
+def _range_of(findings: Sequence[CellFinding]) -> str:
+    ratios = [finding.ratio.value for finding in findings if finding.ratio.value is not None]
+    return f"{min(ratios):.3f} to {max(ratios):.3f}"
 
 
 def _range_text(findings: Sequence[CellFinding], arm: str) -> str:

@@ -228,7 +228,8 @@ def test_the_summary_names_the_cell_nearest_to_the_paper_the_largest_effects_and
     levels = f"localiser {nearest['localiser']}, lid {nearest['lid']}, camera {nearest['camera']}"
     nearest_sentence, effect_sentence, trigger_sentence = reported.report.summary
 
-    assert f"nearest to P1's 0.703 with {levels}: {nearest['paper_ratio']:.3f}" in nearest_sentence
+    assert f"Of these, {nearest['paper_ratio']:.3f} is nearest to P1's 0.703, with {levels}." in nearest_sentence
+    assert "localiser (abstains to always answers)" in effect_sentence
     assert all(f"with {arm}" in effect_sentence for arm in (NAIVE_LIDS.name, "preconditions"))
     assert all(f"with {arm.name}" in trigger_sentence for arm in PACED_ARMS)
 
