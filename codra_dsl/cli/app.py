@@ -38,6 +38,7 @@ _COMMANDS = {
     "watch": "codra_dsl.cli.running.get:watch_command",
     "override": "codra_dsl.cli.running.override:override_command",
     "journal": "codra_dsl.cli.journal:journal_commands",
+    "trees": "codra_dsl.cli.files.trees:trees_commands",
     "language-server": "codra_dsl.cli.editors.language_server:language_server_command",
 }
 """The commands in the order in which the help lists them."""

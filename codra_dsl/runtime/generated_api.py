@@ -84,6 +84,7 @@ from codra_dsl.runtime.values.model import (
 if TYPE_CHECKING:
     from codra_dsl.runtime.behavior_trees import (
         Conditions,
+        Control,
         Delay,
         Entry,
         IfThenElse,
@@ -174,6 +175,7 @@ __all__ = [
     "Conditions",
     "ContextManager",
     "ContextModel",
+    "Control",
     "ControlFlag",
     "CourseModel",
     "Delay",

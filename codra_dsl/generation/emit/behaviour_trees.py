@@ -75,7 +75,8 @@ class _Writer:
     def module(self) -> str:
         """Return the text of the module."""
         functions = [self._function(tree) for tree in self._trees]
-        actions = sorted({node.id for tree in self._trees for node in tree.root.walk() if node.id not in BUILT_IN})
+        nodes = (node for tree in self._trees for node in tree.root.walk())
+        actions = sorted({node.id for node in nodes if node.id not in BUILT_IN and not node.children})
         trees = spread_dictionary({literal(tree.id): self._functions[tree.id] for tree in self._trees})
         main = "None" if self._main is None else literal(self._main)
         parts = [
@@ -135,7 +136,7 @@ class _Writer:
             return self._subtree(node)
         if node.id in BUILT_IN:
             return self._built_in(node, BUILT_IN[node.id])
-        return self._leaf(node)
+        return self._robot_node(node)
 
     def _built_in(self, node: TreeNode, built_in: BuiltIn) -> Expression:
         values = {attribute.name: attribute.value for attribute in node.ports}
@@ -166,7 +167,8 @@ class _Writer:
     def _setting(self, setting: EntryKey | str | None) -> Expression:
         return self._call("Entry", literal(setting.key)) if isinstance(setting, EntryKey) else literal(setting or "")
 
-    def _leaf(self, node: TreeNode) -> Expression:
+    def _robot_node(self, node: TreeNode) -> Expression:
+        """Return a node of the robot: with children, it is a control node or a decorator."""
         model = self._models.get((False, node.id))
         values = _port_values(node, model)
         inputs = {
@@ -185,7 +187,7 @@ class _Writer:
             keywords["inputs"] = self._settings(inputs)
         if entries:
             keywords["outputs"] = self._settings(entries)
-        return self._call("Leaf", literal(node.id), **keywords)
+        return self._call("Control" if node.children else "Leaf", literal(node.id), **keywords)
 
     def _settings(self, settings: Mapping[str, EntryKey | str | None]) -> Expression:
         return dictionary({literal(name): self._setting(setting) for name, setting in settings.items()})

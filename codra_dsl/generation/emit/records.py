@@ -17,6 +17,7 @@ from typing import Any
 from codra_dsl.generation.build_plan import BuildPlan, Edge, Node, NodeKind
 from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_places, node_id, variable_entry
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
+from codra_dsl.language.behavior_trees.values import NodeModel
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
 from codra_dsl.language.model import (
@@ -60,6 +61,7 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
 )
 # A checked algorithm holds an algorithm's conditions a second time, translated to Python.
 _REPEATED_FIELDS = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
+_FIELDS_FOR_EDITORS = frozenset({(NodeModel, "description"), (NodeModel, "metadata")})
 
 
 def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
@@ -299,7 +301,8 @@ def _make_writer(kind: Any) -> Callable[[Any], str]:
     relevant_names = [
         name
         for name in names
-        if name not in _FIELDS_WITHOUT_MEANING and (kind, name) not in _REPEATED_FIELDS | _SEPARATELY_DIGESTED_FIELDS
+        if name not in _FIELDS_WITHOUT_MEANING
+        and (kind, name) not in _REPEATED_FIELDS | _SEPARATELY_DIGESTED_FIELDS | _FIELDS_FOR_EDITORS
     ]
     template = f"({', '.join([ascii(kind.__name__), *('%s' for _ in relevant_names)])}{'' if relevant_names else ','})"
     if len(relevant_names) < 2:  # then `attrgetter` would not return a tuple

@@ -6,7 +6,7 @@ from typing import Any
 
 from codra_dsl.integrations.testing.timeline import LeafBehaviour, LoopSwitch
 from codra_dsl.runtime import Clock, ContextManager
-from codra_dsl.runtime.behavior_trees import Action, Ports, Result
+from codra_dsl.runtime.behavior_trees import Action, Kind, Ports, Result, TreeError
 from codra_dsl.runtime.loops import Mape, MapeModel
 
 _TOLERANCE_S = 1e-9
@@ -56,6 +56,14 @@ class StatedRobot:
     def of(self, name: str) -> Action:
         """Return an action for a leaf."""
         return _StatedAction(name, self)
+
+    def control(self, name: str, ports: Ports) -> Kind:  # noqa: ARG002 - the signature is that of `Leaves`
+        """Refuse a control node of the robot, because a timeline states only how leaves end.
+
+        Raises:
+            TreeError: always.
+        """
+        raise TreeError(f"timelines cannot tick the control node {name!r} of the robot: test its tree in Python")
 
 
 class _StatedAction(Action):

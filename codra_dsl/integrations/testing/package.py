@@ -20,6 +20,7 @@ from codra_dsl.generation.emit.records import model_digest
 from codra_dsl.isolation.error_text import described
 from codra_dsl.language.diagnostics import suggest
 from codra_dsl.runtime import ContextManager, ContextModel, SimClock
+from codra_dsl.runtime.behavior_trees import Kind, Ports, sequence
 from codra_dsl.runtime.context.package_files import manifest_of
 from codra_dsl.runtime.knowledge import KnowledgeModel
 from codra_dsl.runtime.loops import Mape, MapeModel
@@ -177,3 +178,7 @@ class _LeafCollector:
     def of(self, name: str) -> None:
         """Note the name of a leaf."""
         self.names.add(name)
+
+    def control(self, name: str, ports: Ports) -> Kind:  # noqa: ARG002 - the signature is that of `Leaves`
+        """Return any kind, because no tree is ticked."""
+        return sequence()

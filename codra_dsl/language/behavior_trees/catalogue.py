@@ -161,5 +161,5 @@ POST_SCRIPTS = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_post":
 
 AUTOREMAP = "_autoremap"
 
-EDITOR_ATTRIBUTES = frozenset({"_uid", "_fullpath", "_description"})
+EDITOR_ATTRIBUTES = frozenset({"_uid", "_fullpath", "_description", "_collapsed", "_favorite"})
 """Attributes that editors write, and that have no effect."""

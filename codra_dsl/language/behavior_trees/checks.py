@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 
 from codra_dsl.language.behavior_trees.catalogue import (
@@ -16,7 +16,14 @@ from codra_dsl.language.behavior_trees.catalogue import (
     BuiltInPort,
     PortContent,
 )
+from codra_dsl.language.behavior_trees.entries import entries_of_node
 from codra_dsl.language.behavior_trees.library import report_what_library_refuses
+from codra_dsl.language.behavior_trees.port_contents import (
+    accepts_any_value,
+    is_valid_content,
+    is_value_of,
+    type_family,
+)
 from codra_dsl.language.behavior_trees.ports import EntryKey, is_key, parse_port_value
 from codra_dsl.language.behavior_trees.rules import TreeFindings
 from codra_dsl.language.behavior_trees.scripts import ScriptProblem, parse_condition, parse_script
@@ -30,8 +37,7 @@ from codra_dsl.language.behavior_trees.values import (
     NodeModel,
     TreeNode,
 )
-from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_errors, in_file_order
-from codra_dsl.language.expression import names_in
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_errors, in_file_order, is_slip
 from codra_dsl.language.graph import Needs, shortest_cycle, strong_components
 
 MAX_NODES = 10_000
@@ -40,8 +46,14 @@ MAX_NODES = 10_000
 MAX_LEVELS = 100
 """The maximum number of levels in a tree, with its subtrees."""
 
-RESULTS = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
-_ROBOT_KINDS = (NodeKind.ACTION, NodeKind.CONDITION)
+_CHILD_COUNTS: Mapping[NodeKind | None, tuple[int, int | None]] = {
+    NodeKind.ACTION: (0, 0),
+    NodeKind.CONDITION: (0, 0),
+    NodeKind.DECORATOR: (1, 1),
+    NodeKind.CONTROL: (1, None),
+    None: (0, None),
+}
+"""The minimum and the maximum number of children by the kind of a node; None is a node without a declaration."""
 
 
 def check(
@@ -77,6 +89,7 @@ class _Checker:
         self._models = {(model.kind is NodeKind.SUBTREE, model.id): model for model in reversed(forest.models)}
         self._names = [*BUILT_IN, *(name for of_subtree, name in self._models if not of_subtree)]
         self._entries: dict[str, frozenset[str]] = {}
+        self._undeclared: set[str] = set()
 
     # The complete forest
 
@@ -101,14 +114,6 @@ class _Checker:
         if first.main is not None and first.main not in self._trees:
             help_text = self._findings.name_help(first.main, self._trees, "name one of the trees")
             self._findings.add("unknown-subtree", f"there is no tree '{first.main}'", first.main_place, help=help_text)
-        for model in models:
-            if model.kind not in (*_ROBOT_KINDS, NodeKind.SUBTREE) and model.id not in BUILT_IN:
-                self._findings.add(
-                    "unsupported-tree-node",
-                    f"'{model.id}' is a {model.kind.lower()} node of the robot",
-                    model.place,
-                    help="a robot can only have actions and conditions: build this node from built-in nodes",
-                )
 
     def _check_unique(self, noun: str, names_and_places: Iterable[tuple[str, Place]]) -> None:
         first_places: dict[str, Place] = {}
@@ -169,23 +174,62 @@ class _Checker:
 
     def _check_robot_node(self, node: TreeNode, path: str) -> None:
         model = self._models.get((False, node.id))
-        if model is None and node.kind not in _ROBOT_KINDS:
-            fallback = f'declare it: <TreeNodesModel><Action ID="{node.id}"/></TreeNodesModel>'
-            if node.id in self._trees:
-                fallback = f'write <SubTree ID="{node.id}"/>'
-            help_text = fallback if node.id in self._trees else self._findings.name_help(node.id, self._names, fallback)
-            self._findings.add("unknown-tree-node", f"unknown node '{node.id}'", node.place, help=help_text, path=path)
+        kind = node.kind if model is None else model.kind
+        if kind is None and not self._check_undeclared_node(node, path):
             return
-        self._check_child_count(node, 0, 0, path)
+        self._check_child_count(node, *_CHILD_COUNTS[kind], path)
         if model is None:
             for attribute in node.ports:
                 self._read_port(attribute, path)
             return
-        self._check_ports(node, [port.name for port in model.ports], path)
+        self._check_declared_ports(node, model, path)
+
+    def _check_undeclared_node(self, node: TreeNode, path: str) -> bool:
+        """Return whether a node can be a node of the robot: it is neither a tree nor a misspelt built-in node.
+
+        The declarations in `TreeNodesModel` are for editors. A library finds the nodes in the robot's program.
+        """
+        message = f"unknown node '{node.id}'"
+        if node.id in self._trees:
+            help_text = f'write <SubTree ID="{node.id}"/>'
+            self._findings.add("unknown-tree-node", message, node.place, help=help_text, path=path)
+            return False
+        suggestion = self._findings.suggestion(node.id, self._names)
+        if suggestion is not None and suggestion in BUILT_IN and is_slip(node.id, suggestion):
+            help_text = f"did you mean '{suggestion}'?"
+            self._findings.add("unknown-tree-node", message, node.place, help=help_text, path=path)
+            return False
+        if node.id not in self._undeclared:
+            self._undeclared.add(node.id)
+            kind = "Action" if not node.children else "Decorator" if len(node.children) == 1 else "Control"
+            self._findings.add(
+                "undeclared-tree-node",
+                f"the node '{node.id}' is not declared, so its ports are not checked",
+                node.place,
+                help=f"did you mean '{suggestion}'?"
+                if suggestion
+                else f'add <{kind} ID="{node.id}"> with its ports to <TreeNodesModel>, or use --models FILE',
+                path=path,
+            )
+        return True
+
+    def _check_declared_ports(self, node: TreeNode, model: NodeModel, path: str) -> None:
+        self._check_ports(node, [port.name for port in model.ports], path, is_built_in=False)
         attributes = {attribute.name for attribute in node.ports}
-        for port in model.ports:
-            if port.direction is not Direction.OUT and port.default is None and port.name not in attributes:
-                self._report_missing_port(node, port.name, path)
+        unset_names = [
+            port.name
+            for port in model.ports
+            if port.direction is not Direction.OUT and port.default is None and port.name not in attributes
+        ]
+        if unset_names:
+            names_text = ", ".join(f"'{name}'" for name in unset_names)
+            self._findings.add(
+                "port-without-value",
+                f"'{node.id}' has no value for {names_text}",
+                node.place,
+                help=f'write {unset_names[0]}="...", or add default="..." to the port in <TreeNodesModel>',
+                path=path,
+            )
         for attribute in node.ports:
             port_model = model.port(attribute.name)
             port_value = self._read_port(attribute, path)
@@ -197,7 +241,7 @@ class _Checker:
         if direction is not Direction.IN:
             name = attribute.value if is_key(attribute.value) else "entry"
             self._report_unfit_value(attribute, "an entry, since the node writes it", f"write {{{name}}}", path)
-        elif not _is_value_of(type_, attribute.value):
+        elif not is_value_of(type_, attribute.value):
             self._report_unfit_value(attribute, f"a value of the type {type_}", "write one, or an entry {name}", path)
 
     def _check_child_count(self, node: TreeNode, min_count: int, max_count: int | None, path: str) -> None:
@@ -213,15 +257,21 @@ class _Checker:
             help_text = "close the element at once: <.../>"
         self._findings.add("wrong-children", message, node.place, help=help_text, path=path)
 
-    def _check_ports(self, node: TreeNode, port_names: Sequence[str], path: str) -> None:
+    def _check_ports(self, node: TreeNode, port_names: Sequence[str], path: str, *, is_built_in: bool = True) -> None:
         for attribute in node.ports:
-            if attribute.name not in port_names:
-                port_list = f"its ports are {', '.join(port_names)}" if port_names else "it has none"
-                help_text = self._findings.name_help(
-                    attribute.name, [*port_names, *PRECONDITIONS, *POST_SCRIPTS], port_list
-                )
-                message = f"'{node.id}' has no port '{attribute.name}'"
-                self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
+            if attribute.name in port_names:
+                continue
+            names = [*port_names, *PRECONDITIONS, *POST_SCRIPTS]
+            port_list = f"its ports are {', '.join(port_names)}" if port_names else "it has none"
+            suggestion = self._findings.suggestion(attribute.name, names)
+            is_misspelt = suggestion is not None and is_slip(attribute.name, suggestion)
+            self._findings.add(
+                "unknown-port" if is_built_in or is_misspelt else "undeclared-port",
+                f"'{node.id}' has no port '{attribute.name}'",
+                attribute.place,
+                help=f"did you mean '{suggestion}'?" if suggestion else port_list,
+                path=path,
+            )
 
     def _report_missing_port(self, node: TreeNode, port: str, path: str) -> None:
         message = f"'{node.id}' needs its port '{port}'"
@@ -275,7 +325,7 @@ class _Checker:
         if isinstance(port_value, EntryKey):
             if port.content is PortContent.KEY:
                 self._report_unfit_value(attribute, port.content, f"write {port_value.key}", path)
-        elif not _is_valid_content(port.content, port_value):
+        elif not is_valid_content(port.content, port_value):
             self._report_unfit_value(attribute, port.content, "correct it", path)
         elif port.name.endswith(("_count", "_failures")) and int(port_value) > len(node.children):
             self._report_unfit_value(
@@ -304,7 +354,9 @@ class _Checker:
         tree = self._trees.get(str(node.subtree))
         if tree is None:
             help_text = self._findings.name_help(
-                str(node.subtree), self._trees, "write the tree, or include the file that has it"
+                str(node.subtree),
+                self._trees,
+                "write the tree, include the file that has it, or check the folder of both files with codra trees",
             )
             message = f"there is no tree '{node.subtree}'"
             self._findings.add("unknown-subtree", message, node.place, help=help_text, path=path)
@@ -312,7 +364,7 @@ class _Checker:
         model = self._models.get((True, tree.id))
         remappings = [attribute for attribute in node.ports if attribute.name != AUTOREMAP]
         for attribute in node.ports:
-            if attribute.name == AUTOREMAP and not _is_valid_content(PortContent.TRUTH, attribute.value):
+            if attribute.name == AUTOREMAP and not is_valid_content(PortContent.TRUTH, attribute.value):
                 self._report_unfit_value(attribute, PortContent.TRUTH, "correct it", path)
         for attribute in remappings:
             self._read_port(attribute, path)
@@ -322,7 +374,7 @@ class _Checker:
         entries = self._entries.get(tree.id)
         if entries is None:
             names = (
-                _entries_of_node(tree_node, self._models.get((False, tree_node.id))) for tree_node in tree.root.walk()
+                entries_of_node(tree_node, self._models.get((False, tree_node.id))) for tree_node in tree.root.walk()
             )
             entries = self._entries[tree.id] = frozenset(chain.from_iterable(names))
         for attribute in remappings:
@@ -340,7 +392,7 @@ class _Checker:
                     name, port_names, f"its ports are {', '.join(port_names) or 'none'}"
                 )
                 message = f"the tree '{model.id}' has no port '{name}'"
-                self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
+                self._findings.add("unused-remap", message, attribute.place, help=help_text, path=path)
         is_autoremap = any(attribute.name == AUTOREMAP and attribute.value in ("true", "1") for attribute in node.ports)
         for port in model.ports:
             if port.name not in attributes and port.default is None and not is_autoremap:
@@ -348,7 +400,7 @@ class _Checker:
             is_text = port.name in attributes and isinstance(
                 parse_port_value(port.name, attributes[port.name].value), str
             )
-            if is_text and port.direction is not Direction.IN:
+            if is_text and port.direction is Direction.OUT:
                 self._check_declared_port(attributes[port.name], port.direction, port.type, path)
 
     # Entries
@@ -361,10 +413,10 @@ class _Checker:
             for attribute in node.ports if model is not None else ():
                 port = model.port(attribute.name) if model is not None else None
                 port_value = parse_port_value(attribute.name, attribute.value)
-                if port is None or not isinstance(port_value, EntryKey) or _accepts_any_value(port.type):
+                if port is None or not isinstance(port_value, EntryKey) or accepts_any_value(port.type):
                     continue
                 type_, place = first_types.setdefault(port_value.key, (str(port.type), attribute.place))
-                if _type_family(type_) != _type_family(str(port.type)):
+                if type_family(type_) != type_family(str(port.type)):
                     self._findings.add(
                         "entry-types-differ",
                         f"the entry '{port_value.key}' is {port.type} here, and {type_} elsewhere",
@@ -373,55 +425,6 @@ class _Checker:
                         related=[Related(f"{type_} here", place)],
                         path=f"{tree.id}.{node.label}",
                     )
-
-
-_NUMBER_TYPES = frozenset(
-    {"int", "unsigned", "double", "float", "bool", "int64_t", "uint64_t", "unsigned int", "std::size_t"}
-)
-_INTEGER_TYPES = frozenset({"int", "unsigned", "int64_t", "uint64_t", "unsigned int", "std::size_t"})
-_ANY_VALUE_TYPES = frozenset({"", "BT::Any", "BT::AnyTypeAllowed", "AnyTypeAllowed", "std::string", "string"})
-
-
-def _accepts_any_value(type_: str | None) -> bool:
-    """Return whether a port accepts any value. A port for a text does, because a text can be read as any type."""
-    return type_ is None or type_ in _ANY_VALUE_TYPES
-
-
-def _type_family(type_: str) -> str:
-    return "number" if type_ in _NUMBER_TYPES else type_
-
-
-def _is_value_of(type_: str | None, text: str) -> bool:
-    """Return whether a text is a value of a C++ type; true for types that are not known here."""
-    if type_ == "bool":
-        return _is_valid_content(PortContent.TRUTH, text)
-    if type_ in _INTEGER_TYPES:
-        return _is_valid_content(PortContent.INTEGER, text) and not (
-            str(type_).startswith("u") and text.strip().startswith("-")
-        )
-    if type_ in ("double", "float"):
-        try:
-            float(text)
-        except ValueError:
-            return False
-    return True
-
-
-def _is_valid_content(content: PortContent, text: str) -> bool:
-    """Return whether a text is valid for a built-in port."""
-    match content:
-        case PortContent.INTEGER | PortContent.MILLISECONDS:
-            digits = text.removeprefix("-") if content is PortContent.INTEGER else text
-            return digits.isascii() and digits.isdigit() and len(digits) < 10
-        case PortContent.TRUTH:
-            return text in ("true", "false", "1", "0")
-        case PortContent.RESULT:
-            return text in RESULTS
-        case PortContent.ENTRY | PortContent.KEY:
-            return is_key(text)
-        case PortContent.OUTPUT:
-            return False
-    return True
 
 
 def _nodes_by_subtree(tree: BehaviorTree, trees: Mapping[str, BehaviorTree]) -> dict[str, TreeNode]:
@@ -460,31 +463,3 @@ def _size(root: TreeNode, sizes: Mapping[str, tuple[int, int]]) -> tuple[int, in
         levels = max(levels, level + inner_levels)
         pending.extend((child, level + 1) for child in node.children)
     return nodes, levels
-
-
-def _entries_of_node(node: TreeNode, model: NodeModel | None) -> Iterator[str]:
-    """Yield the names of all entries that occur in a node."""
-    port_contents = {port.name: port.content for port in BUILT_IN[node.id].ports} if node.id in BUILT_IN else {}
-    defaults = {port.name: port.default for port in model.ports if port.default is not None} if model else {}
-    values = defaults | {attribute.name: attribute.value for attribute in node.ports}
-    for name, value in values.items():
-        port_value = parse_port_value(name, value)
-        if port_contents.get(name) in (PortContent.CONDITION, PortContent.SCRIPT):
-            yield from _entries_in_script(value, is_condition=port_contents[name] is PortContent.CONDITION)
-        elif isinstance(port_value, EntryKey):
-            yield port_value.key
-        elif port_contents.get(name) in (PortContent.KEY, PortContent.ENTRY):
-            yield value
-    for attribute in node.conditions:
-        yield from _entries_in_script(attribute.value, is_condition=attribute.name in PRECONDITIONS)
-
-
-def _entries_in_script(text: str, *, is_condition: bool) -> Iterator[str]:
-    if is_condition:
-        condition = parse_condition(text)
-        yield from () if isinstance(condition, ScriptProblem) else (name.name for name in names_in(condition))
-        return
-    statements = parse_script(text)
-    for statement in () if isinstance(statements, ScriptProblem) else statements:
-        yield statement.entry
-        yield from (name.name for name in names_in(statement.value))

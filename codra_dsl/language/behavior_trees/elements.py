@@ -1,7 +1,7 @@
 """Read XML: text -> elements with places.
 
-Reading stops at the first XML error. No entity of a file is ever expanded: a document type, which could declare
-entities, is refused before it is read.
+Reading stops at the first XML error, except `&` and `<` in values, which are escaped. No entity of a file is ever
+expanded: a document type, which could declare entities, is refused before it is read.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from codra_dsl.language.behavior_trees.rules import TreeFindings
+from codra_dsl.language.behavior_trees.unescaped import EscapedText, escape_values
 from codra_dsl.language.behavior_trees.values import Attribute
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
@@ -24,8 +25,8 @@ MAX_ELEMENTS = 10_000
 MAX_ATTRIBUTES = 64
 MAX_VALUE_LENGTH = 4000
 
-TAGS_WITH_TEXT = frozenset({"input_port", "output_port", "inout_port"})
-"""The tags of elements whose text is kept, since it describes a port."""
+TAGS_WITH_TEXT = frozenset({"input_port", "output_port", "inout_port", "bidirectional_port", "description"})
+"""The tags of elements whose text is kept, since it describes a port or a node."""
 
 _ATTRIBUTE = re.compile(r"""\s([^\s=/>"']+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 
@@ -59,8 +60,7 @@ class _RefusedError(Exception):
 
 def read_root(source: Source, findings: TreeFindings) -> Element | None:
     """Return the root element of a text, or None after a finding if its XML cannot be accepted."""
-    data = source.text.encode("utf-8")
-    if len(data) > MAX_BYTES:
+    if len(source.text.encode("utf-8")) > MAX_BYTES:
         findings.add(
             "tree-file-too-large",
             f"'{source.file}' has more than {MAX_BYTES // 1024 // 1024} MiB",
@@ -68,40 +68,81 @@ def read_root(source: Source, findings: TreeFindings) -> Element | None:
             help="split the file, and include the parts",
         )
         return None
-    reader = _Reader(source, data, findings)
+    try:
+        root, element_findings = _read(source, EscapedText(source.text, (), (), ()))
+    except expat.ExpatError as error:
+        repaired = _read_escaped(source) if error.code == _INVALID_TOKEN else None
+        if repaired is None:
+            _report_syntax_error(error, source, findings)
+            return None
+        root, element_findings = repaired
+    findings.extend(element_findings.all())
+    return root
+
+
+def _read(source: Source, escaped: EscapedText) -> tuple[Element | None, TreeFindings]:
+    """Return the root element, or None if it was refused; and the findings.
+
+    Raises:
+        ExpatError: if the text is not well-formed.
+    """
+    findings = TreeFindings()
+    reader = _Reader(source, escaped, findings)
     try:
         reader.read()
     except _RefusedError:
-        return None
-    except expat.ExpatError as error:
-        offset = source.line_starts[min(error.lineno, len(source.line_starts)) - 1] + error.offset
-        reason = expat.ErrorString(error.code)
-        findings.add(
-            "xml-syntax",
-            f"invalid XML: {reason}",
-            source.place(min(offset, len(source.text)), min(offset + 1, len(source.text))),
-            help=_HELP_TEXTS.get(error.code, "correct it; an XML editor shows matching tags"),
-        )
-        return None
-    return reader.root
+        return None, findings
+    return reader.root, findings
 
 
+def _read_escaped(source: Source) -> tuple[Element | None, TreeFindings] | None:
+    """Read a text with `&` or `<` in values; return None if it is not well-formed either when they are escaped."""
+    escaped = escape_values(source.text)
+    if not escaped.offsets:
+        return None
+    try:
+        root, findings = _read(source, escaped)
+    except expat.ExpatError:
+        return None
+    first, count = escaped.offsets[0], len(escaped.offsets)
+    findings.add(
+        "xml-not-escaped",
+        f"{source.text[first]!r} is not escaped in a value: BehaviorTree.CPP reads it, and most XML tools refuse it"
+        + (f" ({count} places in this file)" if count > 1 else ""),
+        source.place(first, first + 1),
+        help="write &amp; for '&' and &lt; for '<'; codra trees convert does this in the whole file",
+    )
+    return root, findings
+
+
+def _report_syntax_error(error: expat.ExpatError, source: Source, findings: TreeFindings) -> None:
+    offset = source.line_starts[min(error.lineno, len(source.line_starts)) - 1] + error.offset
+    findings.add(
+        "xml-syntax",
+        f"invalid XML: {expat.ErrorString(error.code)}",
+        source.place(min(offset, len(source.text)), min(offset + 1, len(source.text))),
+        help=_HELP_TEXTS.get(error.code, "correct it; an XML editor shows matching tags"),
+    )
+
+
+_INVALID_TOKEN = expat.errors.codes[expat.errors.XML_ERROR_INVALID_TOKEN]
 _HELP_TEXTS = {
     expat.errors.codes[expat.errors.XML_ERROR_TAG_MISMATCH]: "close the element that was opened last",
     expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS]: 'begin with <root BTCPP_format="4">',
     expat.errors.codes[expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE]: "remove one of the two",
     expat.errors.codes[expat.errors.XML_ERROR_UNDEFINED_ENTITY]: "write &amp; for '&'; entities cannot be declared",
-    expat.errors.codes[expat.errors.XML_ERROR_INVALID_TOKEN]: "write &lt; for '<' and &amp; for '&' within values",
+    _INVALID_TOKEN: "write &lt; for '<' and &amp; for '&' within values",
 }
 
 
 class _Reader:
     """Builds elements from the events of expat."""
 
-    def __init__(self, source: Source, data: bytes, findings: TreeFindings) -> None:
+    def __init__(self, source: Source, escaped: EscapedText, findings: TreeFindings) -> None:
         self.root: Element | None = None
         self._source = source
-        self._data = data
+        self._escaped = escaped
+        self._data = escaped.text.encode("utf-8")
         self._findings = findings
         self._open_elements: list[Element] = []
         self._comments: list[str] = []
@@ -130,7 +171,7 @@ class _Reader:
             self.root.last_comments += tuple(self._comments)
 
     def _offset(self) -> int:
-        """Return the position of expat in the text, in code points.
+        """Return the position of expat in the original text, in code points.
 
         If the position has increased since the last call, only the bytes in between are decoded.
         """
@@ -140,7 +181,7 @@ class _Reader:
             byte = offset = 0
         offset += len(self._data[byte:current_byte].decode("utf-8", "replace"))
         self._last_position = current_byte, offset
-        return offset
+        return self._escaped.original_offset(offset)
 
     def _start_element(self, tag: str, names_and_values: list[str]) -> None:
         start = self._offset()

@@ -23,11 +23,14 @@ def is_key(text: str) -> bool:
 
 
 def parse_port_value(port: str, value: str) -> EntryKey | str | None:
-    """Return the entry or text that a port gets, or None for invalid braces; `{=}` is the entry with the same name."""
+    """Return the entry or text that a port gets, or None for braces without the name of an entry between them.
+
+    `{=}` is the entry with the same name. A text with only one brace at its ends, such as `json:{"x":1}`, is a text.
+    """
     stripped_value = value.strip(" ")
     if stripped_value in _SAME_NAME_VALUES:
         return EntryKey(port)
-    if not stripped_value.startswith("{") and not stripped_value.endswith("}"):
+    if not stripped_value.startswith("{") or not stripped_value.endswith("}"):
         return value
     key = stripped_value[1:-1]
-    return EntryKey(key) if stripped_value.startswith("{") and stripped_value.endswith("}") and is_key(key) else None
+    return EntryKey(key) if is_key(key) else None

@@ -20,6 +20,7 @@ from codra_dsl.language.behavior_trees.values import (
     TreeFile,
     TreeNode,
 )
+from codra_dsl.language.behavior_trees.version3 import convert_from_version_3, is_of_version_3
 from codra_dsl.language.diagnostics import Diagnostic, Place
 from codra_dsl.language.file_queries import is_file, leads_into, real_path
 from codra_dsl.language.load.yaml.findings import Findings
@@ -28,21 +29,29 @@ from codra_dsl.language.load.yaml.source import read as read_source
 from codra_dsl.language.project import relative_path
 
 FORMAT = "4"
+OLD_FORMAT = "3"
 MAX_FILES = 100
+UNNAMED_TREE = "BehaviorTree_0"
+"""The id of a tree without ID; the library gives it the same name."""
+
 _MODELS_TAG = "TreeNodesModel"
+_METADATA_TAG = "MetadataFields"
+_DIRECTIONS = {**{direction.value: direction for direction in Direction}, "bidirectional_port": Direction.BOTH}
+"""The directions by the tags of ports. The node list of Nav2 has `bidirectional_port`."""
+
 _EXPLICIT_TAGS = frozenset(kind.value for kind in NodeKind)
 _CONDITION_ATTRIBUTES = frozenset({*PRECONDITIONS, *POST_SCRIPTS})
 
 
-def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]:
+def read(path: Path, root: Path, within: Path | None = None) -> tuple[Forest | None, tuple[Diagnostic, ...]]:
     """Return the trees of a file and its included files, or None if one of these cannot be read; and the findings.
 
     Args:
         path: the path of the file.
-        root: the folder of the project. Files outside of this folder are not included, and paths in places are relative
-            to the folder.
+        root: the folder of the project. Paths in places are relative to this folder.
+        within: the folder outside of which no file is read; by default the folder of the project.
     """
-    findings = TreeFindings()
+    findings, within = TreeFindings(), root if within is None else within
     files: dict[Path, TreeFile | None] = {}
     pending: list[tuple[Path, Place | None]] = [(path, None)]
     while pending:
@@ -53,8 +62,8 @@ def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]
         if len(files) == MAX_FILES and include_place is not None:
             findings.add("tree-include", f"more than {MAX_FILES} files", include_place, help="include fewer")
             break
-        files[followed_path] = file = _read_file(current_path, root, findings)
-        pending += [] if file is None else _included_files(file, current_path, root, findings)
+        files[followed_path] = file = _read_file(current_path, root, within, findings)
+        pending += [] if file is None else _included_files(file, current_path, within, findings)
     readable_files = [file for file in files.values() if file is not None]
     return (Forest(files=tuple(readable_files)) if len(readable_files) == len(files) else None), findings.all()
 
@@ -67,9 +76,9 @@ def read_text(data: bytes, file: str) -> tuple[TreeFile | None, tuple[Diagnostic
     return (None if source is None else _read_source(source, findings)), findings.all()
 
 
-def _read_file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
+def _read_file(path: Path, root: Path, within: Path, findings: TreeFindings) -> TreeFile | None:
     source_findings = Findings()
-    source = read_source(path, relative_path(path, root), root, source_findings, texts=None)
+    source = read_source(path, relative_path(path, root), within, source_findings, texts=None)
     findings.extend(source_findings.all())
     return None if source is None else _read_source(source, findings)
 
@@ -105,41 +114,62 @@ class _FileBuilder:
     def __init__(self, file: str, findings: TreeFindings) -> None:
         self._file = file
         self._findings = findings
+        self._is_single_tree = False
 
     def file(self, root: Element) -> TreeFile | None:
-        """Return the file as a value, or None if it is not a file of trees."""
-        version = root.get("BTCPP_format")
-        if root.tag != "root" or version is None or version.value != FORMAT:
-            place = root.place if version is None else version.place
-            reason = f"<{root.tag}>" if root.tag != "root" else "no BTCPP_format" if version is None else version.value
-            self._findings.add(
-                "no-tree-file",
-                f"this is not a file of BehaviorTree.CPP {FORMAT}: {reason}",
-                place,
-                help=f'write <root BTCPP_format="{FORMAT}">; older files are converted by convert_v3_to_v4.py',
-            )
+        """Return the file as a value, or None if it is not a file of trees, or none of its trees can be read."""
+        if not self._check_format(root):
             return None
         main = root.get("main_tree_to_execute")
+        tree_count = sum(child.tag == "BehaviorTree" for child in root.children)
+        self._is_single_tree = tree_count == 1
         children = [(child.tag, child) for child in root.children]
         known_tags = ("BehaviorTree", _MODELS_TAG, "include")
         for tag, child in children:
             if tag not in known_tags:
                 self._report_misplaced_element(child, "<root>", known_tags)
-        trees = (self._tree(child) for tag, child in children if tag == "BehaviorTree")
+        trees = [tree for tag, child in children if tag == "BehaviorTree" and (tree := self._tree(child)) is not None]
         models = (model for tag, child in children if tag == _MODELS_TAG for model in self._models(child))
         includes = (self._include(child) for tag, child in children if tag == "include")
         comments = [comment for tag, child in children if tag != "BehaviorTree" for comment in _all_comments(child)]
+        if tree_count and not trees:
+            return None  # each tree has an error, which must not cause another one about a file without trees
         return TreeFile(
             file=self._file,
             main=None if main is None else main.value,
             includes=tuple(include for include in includes if include is not None),
-            trees=tuple(tree for tree in trees if tree is not None),
+            trees=tuple(trees),
             models=tuple(models),
             extras=_other_attributes(root, "BTCPP_format", "main_tree_to_execute"),
             last_comments=(*root.comments, *comments, *root.last_comments),
             place=root.place,
             main_place=root.place if main is None else main.place,
         )
+
+    def _check_format(self, root: Element) -> bool:
+        """Return whether the file can be read; convert a file of version 3."""
+        version = root.get("BTCPP_format")
+        if root.tag != "root" or (version is not None and version.value not in (FORMAT, OLD_FORMAT)):
+            self._findings.add(
+                "no-tree-file",
+                f"this is not a file of BehaviorTree.CPP: <{root.tag}>"
+                if root.tag != "root" or version is None
+                else f"the format {version.value!r} is not a version of BehaviorTree.CPP",
+                root.place if root.tag != "root" or version is None else version.place,
+                help=f'a file of trees begins with <root BTCPP_format="{FORMAT}">',
+            )
+            return False
+        if version is None and not is_of_version_3(root):
+            message = "no BTCPP_format: the file is read as version 4, as BehaviorTree.CPP reads it"
+            help_text = f'write <root BTCPP_format="{FORMAT}">, or "{OLD_FORMAT}" if the tree was written for version 3'
+            self._findings.add("tree-format", message, root.place, help=help_text)
+        elif version is None or version.value == OLD_FORMAT:
+            message = "a file of version 3: it is read as if it were converted to version 4"
+            help_text = "write it as version 4: codra trees convert FILE --output FILE"
+            place = root.place if version is None else version.place
+            self._findings.add("tree-format", message, place, help=help_text)
+            convert_from_version_3(root)
+        return True
 
     def _include(self, element: Element) -> Include | None:
         package = element.get("ros_pkg")
@@ -155,7 +185,7 @@ class _FileBuilder:
         return None if path is None else Include(path=path.value, place=path.place)
 
     def _tree(self, element: Element) -> BehaviorTree | None:
-        name = self._required_attribute(element, "ID")
+        id_and_place = self._id_of_tree(element)
         if len(element.children) != 1:
             self._findings.add(
                 "wrong-children",
@@ -164,16 +194,30 @@ class _FileBuilder:
                 help="put them below one node, e.g. <Sequence>",
             )
         roots = [self._node(child) for child in element.children]
-        if name is None or len(roots) != 1 or roots[0] is None:
+        if id_and_place is None or len(roots) != 1 or roots[0] is None:
             return None
         return BehaviorTree(
-            id=name.value,
+            id=id_and_place[0],
             root=roots[0],
             extras=_other_attributes(element, "ID"),
             comments=element.comments,
             last_comments=element.last_comments,
-            place=name.value_place,
+            place=id_and_place[1],
         )
+
+    def _id_of_tree(self, element: Element) -> tuple[str, Place] | None:
+        """Return the id of a tree and its place. Only the single tree of a file needs none."""
+        name = element.get("ID")
+        if not self._is_single_tree or (name is not None and name.value):
+            name = self._required_attribute(element, "ID")
+            return None if name is None else (name.value, name.value_place)
+        self._findings.add(
+            "tree-without-id",
+            f"the tree has no ID: it is read as '{UNNAMED_TREE}'",
+            element.place,
+            help='write <BehaviorTree ID="...">; Groot2 needs it',
+        )
+        return UNNAMED_TREE, element.place
 
     def _node(self, element: Element) -> TreeNode | None:
         """Return a node with all nodes below it, or None if its id is missing."""
@@ -233,17 +277,23 @@ class _FileBuilder:
                     kind=NodeKind(child.tag),
                     id=name.value,
                     ports=tuple(ports),
+                    description=next(
+                        (inner.text.strip() for inner in child.children if inner.tag == "description"), ""
+                    ),
+                    metadata=tuple(
+                        field.attributes
+                        for inner in child.children
+                        if inner.tag == _METADATA_TAG
+                        for field in inner.children[:MAX_ATTRIBUTES]
+                    ),
                     extras=_other_attributes(child, "ID"),
                     place=name.value_place,
                 )
 
     def _port(self, element: Element) -> Port | None:
-        if element.tag in ("MetadataFields", "description"):
-            self._findings.add(
-                "xml-not-kept", f"<{element.tag}> is not kept", element.place, help="keep a copy if you need it"
-            )
+        if element.tag in (_METADATA_TAG, "description"):
             return None
-        if element.tag not in set(Direction):
+        if element.tag not in _DIRECTIONS:
             self._report_misplaced_element(element, "the model of a node", list(Direction))
             return None
         name = self._required_attribute(element, "name")
@@ -251,7 +301,7 @@ class _FileBuilder:
             return None
         values = {attribute.name: attribute.value for attribute in element.attributes}
         return Port(
-            direction=Direction(element.tag),
+            direction=_DIRECTIONS[element.tag],
             name=name.value,
             type=values.get("type"),
             default=values.get("default"),

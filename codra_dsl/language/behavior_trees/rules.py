@@ -18,6 +18,7 @@ RULES = rules(
     ("CDR1302", "xml-doctype", _ERROR),
     ("CDR1303", "xml-encoding", _ERROR),
     ("CDR1304", "xml-not-kept", _WARNING),
+    ("CDR1305", "xml-not-escaped", _WARNING),
     # Shape
     ("CDR2301", "no-tree-file", _ERROR),
     ("CDR2302", "misplaced-element", _ERROR),
@@ -26,6 +27,8 @@ RULES = rules(
     ("CDR2305", "port-value", _ERROR),
     ("CDR2306", "library-refuses-name", _WARNING),
     ("CDR2307", "library-refuses-children", _WARNING),
+    ("CDR2308", "tree-format", _WARNING),
+    ("CDR2309", "tree-without-id", _WARNING),
     # Names
     ("CDR3301", "unknown-tree-node", _ERROR),
     ("CDR3302", "unsupported-tree-node", _ERROR),
@@ -36,6 +39,9 @@ RULES = rules(
     ("CDR3307", "unused-remap", _WARNING),
     ("CDR3308", "tree-include", _ERROR),
     ("CDR3309", "attribute-without-effect", _WARNING),
+    ("CDR3310", "undeclared-tree-node", _WARNING),
+    ("CDR3311", "port-without-value", _WARNING),
+    ("CDR3312", "undeclared-port", _WARNING),
     # Scripts and entries
     ("CDR4301", "script-syntax", _ERROR),
     ("CDR4302", "script-unsupported", _ERROR),
@@ -74,8 +80,12 @@ class TreeFindings:
 
     def name_help(self, name: str, candidates: Iterable[str], fallback: str) -> str:
         """Return the help for an unknown name: the name that it most likely means, or `fallback`."""
-        suggestion = None
-        if self._suggestions_left:
-            self._suggestions_left -= 1
-            suggestion = suggest(name, candidates)
+        suggestion = self.suggestion(name, candidates)
         return f"did you mean '{suggestion}'?" if suggestion else fallback
+
+    def suggestion(self, name: str, candidates: Iterable[str]) -> str | None:
+        """Return the name that an unknown name most likely means; None if there is none, or after many searches."""
+        if not self._suggestions_left:
+            return None
+        self._suggestions_left -= 1
+        return suggest(name, candidates)

@@ -113,11 +113,17 @@ class Port:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeModel:
-    """An entry of `TreeNodesModel`: the robot's nodes with one id, or a tree that is used as a subtree."""
+    """An entry of `TreeNodesModel`: the robot's nodes with one id, or a tree that is used as a subtree.
+
+    Attributes:
+        metadata: the attributes of each `<Metadata>`, which editors write; they have no effect.
+    """
 
     kind: NodeKind
     id: str
     ports: tuple[Port, ...] = ()
+    description: str = ""
+    metadata: tuple[tuple[Attribute, ...], ...] = ()
     extras: tuple[Attribute, ...] = ()
     place: Place = field(compare=False)
 

@@ -58,10 +58,15 @@ def _node(node: TreeNode, level: int) -> Iterator[str]:
 
 def _model(model: NodeModel) -> Iterator[str]:
     pairs = [("ID", model.id), *_name_value_pairs(model.extras)]
-    if not model.ports:
+    if not (model.ports or model.description or model.metadata):
         yield _INDENT * 2 + _empty_element(model.kind, pairs)
         return
     yield _INDENT * 2 + _start_tag(model.kind, pairs)
+    if model.metadata:
+        fields = (f"{_INDENT * 4}{_empty_element('Metadata', _name_value_pairs(field))}" for field in model.metadata)
+        yield from (f"{_INDENT * 3}<MetadataFields>", *fields, f"{_INDENT * 3}</MetadataFields>")
+    if model.description:
+        yield f"{_INDENT * 3}<description>{model.description.translate(_ESCAPE)}</description>"
     yield from (_INDENT * 3 + _port(port) for port in model.ports)
     yield f"{_INDENT * 2}</{model.kind}>"
 

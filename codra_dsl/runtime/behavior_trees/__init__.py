@@ -42,6 +42,7 @@ from codra_dsl.runtime.behavior_trees.decorators import (
 from codra_dsl.runtime.behavior_trees.executor import Tree
 from codra_dsl.runtime.behavior_trees.leaves import (
     Action,
+    Control,
     Leaf,
     Ports,
     Robot,
@@ -62,6 +63,7 @@ from codra_dsl.runtime.behavior_trees.tasks import Task
 __all__ = [
     "Action",
     "Conditions",
+    "Control",
     "Delay",
     "Entry",
     "IfThenElse",

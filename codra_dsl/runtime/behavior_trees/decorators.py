@@ -231,8 +231,8 @@ class QueueLoop(Kind):
         """Loop over a queue.
 
         Args:
-            queue: a text of items separated by semicolons, or an entry that holds a list. Items are removed from this
-                list.
+            queue: a text of items separated by semicolons, or an entry that holds a list or such a text. Items are
+                removed from the list; the text of an entry is read once in the life of the tree, as in the library.
             read: parses the text of an item.
             value: the entry to which each item is written for the child.
             if_empty: the result when no item is left.
@@ -242,13 +242,12 @@ class QueueLoop(Kind):
         self._value = value
         self._if_empty = if_empty
         self._remaining_items: list[object] = []
+        self._was_text_read = False
 
     def tick(self, node: Node) -> Result:
         """Continue with a running child, or take the next item."""
         if node.result is Result.IDLE and isinstance(self._queue, str):
-            self._remaining_items = (
-                [self._parse_item(node, item) for item in self._queue.split(";")] if self._queue else []
-            )
+            self._remaining_items = self._parse_items(node, self._queue)
         if not node.nodes[0].is_running:
             items = self._items(node)
             if not items:
@@ -261,10 +260,16 @@ class QueueLoop(Kind):
     def _items(self, node: Node) -> list[object]:
         if isinstance(self._queue, Entry):
             queue = node.read(self._queue)
-            if not isinstance(queue, list):
+            if isinstance(queue, list):
+                return queue
+            if not isinstance(queue, str):
                 raise TreeError(f"the entry {self._queue.key!r} does not hold a list: {node.name!r} needs a list")
-            return queue
+            if not self._was_text_read:
+                self._was_text_read, self._remaining_items = True, self._parse_items(node, queue)
         return self._remaining_items
+
+    def _parse_items(self, node: Node, text: str) -> list[object]:
+        return [self._parse_item(node, item) for item in text.split(";")] if text else []
 
     def _parse_item(self, node: Node, text: str) -> object:
         try:

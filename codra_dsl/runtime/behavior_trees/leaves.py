@@ -38,13 +38,8 @@ def unset_blackboard(key: str) -> Kind:
 
 
 def set_blackboard(value: Setting, output_key: str) -> Kind:
-    """Write a text, or the value of another entry, into an entry."""
-
-    def write(node: Node) -> bool:
-        node.scope.create(output_key, node.read(value))
-        return True
-
-    return _ImmediateLeaf(write)
+    """Write a text, or the value of another entry, into an entry; fail if the other entry has no value yet."""
+    return _SetBlackboard(value, output_key)
 
 
 def script(*statements: Assignment) -> Kind:
@@ -67,6 +62,21 @@ class _ImmediateLeaf(Kind):
     def tick(self, node: Node) -> Result:
         """Succeed or fail."""
         return Result.SUCCESS if self._succeeds(node) else Result.FAILURE
+
+
+class _SetBlackboard(Kind):
+    """Writes an entry."""
+
+    def __init__(self, value: Setting, output_key: str) -> None:
+        self._value = value
+        self._output_key = output_key
+
+    def tick(self, node: Node) -> Result:
+        """Write the entry, or fail if the value is an entry that ports declare and that has no value yet."""
+        if isinstance(self._value, Entry) and node.scope.is_empty(self._value.key):
+            return Result.FAILURE
+        node.scope.create(self._output_key, node.read(self._value))
+        return Result.SUCCESS
 
 
 class WasEntryUpdated(Kind):
@@ -180,10 +190,11 @@ class Action(Protocol):
 
 
 class Robot:
-    """The actions and conditions of a robot, by their names in trees."""
+    """The actions, conditions, control nodes and decorators of a robot, by their names in trees."""
 
     def __init__(self) -> None:
         self._action_factories: dict[str, Callable[[], Action]] = {}
+        self._control_factories: dict[str, Callable[[Ports], Kind]] = {}
 
     def can(self, name: str, make: Callable[[], Action]) -> None:
         """Register a factory of an action, which is called once per leaf.
@@ -198,6 +209,32 @@ class Robot:
     def does(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
         """Register a function as a condition or action; a function that has returned RUNNING is called again."""
         self.can(name, lambda: _FunctionAction(name, function))
+
+    def controls(self, name: str, make: Callable[[Ports], Kind]) -> None:
+        """Register a control node or a decorator.
+
+        Args:
+            name: the name of the node in trees.
+            make: returns the kind of one node, given the node's ports; usually a subclass of `Kind`. It is called once
+                per node.
+
+        Raises:
+            ValueError: if the name is already registered.
+        """
+        if name in self._control_factories:
+            raise ValueError(f"the control node {name!r} already exists")
+        self._control_factories[name] = make
+
+    def control(self, name: str, ports: Ports) -> Kind:
+        """Return the kind of a control node or a decorator.
+
+        Raises:
+            TreeError: if the robot has no control node of this name.
+        """
+        if name not in self._control_factories:
+            names_text = _names_text(self._control_factories)
+            raise TreeError(f"the robot has no control node {name!r}: it has {names_text}; add it with Robot.controls")
+        return self._control_factories[name](ports)
 
     def of(self, name: str) -> Action:
         """Return an action for a leaf.
@@ -274,3 +311,43 @@ class Leaf(Kind):
         if self._binding is None:
             raise TreeError(f"the leaf {self._name!r} is not bound: tick it as part of a Tree")
         return self._binding
+
+
+class Control(Kind):
+    """A control node or a decorator of the robot, with its ports; its kind is registered with `Robot.controls`."""
+
+    def __init__(
+        self, name: str, *, inputs: Mapping[str, Setting] | None = None, outputs: Mapping[str, Entry] | None = None
+    ) -> None:
+        self._name = name
+        self._inputs = inputs or {}
+        self._outputs = outputs or {}
+        self._kind: Kind | None = None
+
+    def bind(self, node: Node, tick_context: TickContext) -> TickContext:
+        """Create the registered kind and bind it."""
+        ports = Ports(self._name, tick_context.scope, self._inputs, self._outputs)
+        self._kind = tick_context.leaves.control(self._name, ports)
+        return self._kind.bind(node, tick_context)
+
+    def entries(self) -> Iterable[Entry]:
+        """Return the entries of the node's ports."""
+        return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
+
+    def tick(self, node: Node) -> Result:
+        """Tick the registered kind."""
+        result = self._registered_kind().tick(node)
+        if result is Result.IDLE:
+            raise TreeError(
+                f"the node {self._name!r} returned IDLE: it must return RUNNING, SUCCESS, FAILURE or SKIPPED"
+            )
+        return result
+
+    def halt(self, node: Node) -> None:
+        """Clear the state of the registered kind."""
+        self._registered_kind().halt(node)
+
+    def _registered_kind(self) -> Kind:
+        if self._kind is None:
+            raise TreeError(f"the node {self._name!r} is not bound: tick it as part of a Tree")
+        return self._kind

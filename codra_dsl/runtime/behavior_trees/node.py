@@ -98,10 +98,14 @@ UNCONDITIONAL = Conditions()
 
 
 class Leaves(Protocol):
-    """Provides the actions of a robot's leaves."""
+    """Provides the actions of a robot's leaves, and the kinds of its own control nodes and decorators."""
 
     def of(self, name: str) -> Any:
         """Return a new action by its name."""
+        ...
+
+    def control(self, name: str, ports: Any) -> Kind:
+        """Return a new kind for a control node or a decorator of the robot, by its name."""
         ...
 
 

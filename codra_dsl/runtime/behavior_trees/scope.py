@@ -76,6 +76,11 @@ class Scope:
         """Return whether the entry exists."""
         return self._find(name) is not None
 
+    def is_empty(self, name: str) -> bool:
+        """Return whether a port declares the entry, and it has no value yet."""
+        owner, own_name = self._owner(name)
+        return own_name in owner._declared_names and own_name not in owner._entries
+
     def names(self) -> Iterator[str]:
         """Yield the names of entries that can be read, except entries that only `_autoremap` makes readable."""
         yield from self._entries

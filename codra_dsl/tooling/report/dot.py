@@ -67,7 +67,7 @@ def render_dot(graph: Graph) -> str:
         spec_lines = list(_element_lines(elements, number_by_id))
         lines += _frame_lines(spec, spec_lines) if len(graph.specs) > 1 else spec_lines
     lines += (_edge_line(link, f"e{number}") for number, link in enumerate(graph.links))
-    return _digraph(lines, "TB" if is_folded(graph) else "LR")
+    return digraph(lines, "TB" if is_folded(graph) else "LR")
 
 
 def render_svg(graph: Graph) -> str:
@@ -80,14 +80,23 @@ def render_svg(graph: Graph) -> str:
 
 
 def render_drawing(graph: Graph) -> str:
-    """Return the picture for a page with its own style: only the `svg` element, without legend and title.
+    """Return the picture for a page with its own style, as `draw_dot` does.
 
     Nodes and edges are numbered from 0. The drawing of node 3 has the id `n3`, and the drawing of edge 3 the id `e3`.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    picture = _parse_picture(_draw(render_dot(graph)))
+    return draw_dot(render_dot(graph))
+
+
+def draw_dot(dot: str) -> str:
+    """Return the drawing of a text in Graphviz's language: only the `svg` element, without legend and title.
+
+    Raises:
+        DrawingError: if Graphviz is not installed or cannot draw.
+    """
+    picture = _parse_picture(_draw(dot))
     size_attributes = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
     picture_content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
     return f'<svg {size_attributes} xmlns="http://www.w3.org/2000/svg">{picture_content}</svg>'
@@ -95,37 +104,38 @@ def render_drawing(graph: Graph) -> str:
 
 def _frame_lines(name: str, lines: Iterable[str]) -> list[str]:
     frame = {"label": name, "labelloc": "t", "style": "rounded", "color": "#888888", "class": "spec"}
-    return [f"subgraph {_quote(f'cluster {name}')} {{", f"graph {_attributes(frame)};", *lines, "}"]
+    return [f"subgraph {quote(f'cluster {name}')} {{", f"graph {attributes_text(frame)};", *lines, "}"]
 
 
-def _digraph(lines: Iterable[str], direction: str) -> str:
+def digraph(lines: Iterable[str], direction: str) -> str:
+    """Return a graph in Graphviz's language, with the fonts and distances of all pictures."""
     graph_attributes = {"rankdir": direction, "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
     node_attributes = {"fontname": _FONT, "fontsize": _LABEL_PT, "margin": "0.1,0.05", "height": 0.36, "penwidth": 0.8}
     edge_attributes = {"arrowsize": 0.7}
     defaults = (("graph", graph_attributes), ("node", node_attributes), ("edge", edge_attributes))
-    default_lines = (f"{kind} {_attributes(attributes)};" for kind, attributes in defaults)
+    default_lines = (f"{kind} {attributes_text(attributes)};" for kind, attributes in defaults)
     body = "".join(f"  {line}\n" for line in (*default_lines, *lines))
     return f"digraph codra {{\n{body}}}\n"
 
 
 def _node_line(element: Element, number: int) -> str:
     look, kind, lines = look_of(element), shown_kind(element), text_lines(element)
-    label = _label_text("\n".join(lines))
+    label = label_text("\n".join(lines))
     attributes = {
         "kind": "group" if element.members else element.kind.value,
         "label": _html_label(*lines) if element.members else label,
         "shape": look.shape,
         "style": look.style,
         "fillcolor": look.fill,
-        "width": f"{_width_in(label, look):.2f}",
+        "width": width_text(label, look.shape),
         **({"peripheries": 2} if element.members else {}),
         "id": f"n{number}",
         "class": kind.value,
     }
-    return f"{_quote(element.id)} {_attributes(attributes)};"
+    return f"{quote(element.id)} {attributes_text(attributes)};"
 
 
-def _label_text(label: str) -> str:
+def label_text(label: str) -> str:
     """Return a label that Graphviz shows unchanged, although Graphviz decodes entities."""
     return _ENTITY.sub("&amp;", label)
 
@@ -134,11 +144,11 @@ _WIDTH_FACTOR_BY_SHAPE: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "
 """The ratio of a shape's width to the width of its label."""
 
 
-def _width_in(label: str, look: NodeLook) -> float:
+def width_text(label: str, shape: str) -> str:
     """Return the minimum width of a node in inches, in which its label fits even if no font can be measured."""
     max_column_count = max(map(_column_count, label.split("\n")))
     width_in = 0.2 + max_column_count * _LETTER_EM * _LABEL_PT / 72
-    return width_in * _WIDTH_FACTOR_BY_SHAPE.get(look.shape, 1.0)
+    return f"{width_in * _WIDTH_FACTOR_BY_SHAPE.get(shape, 1.0):.2f}"
 
 
 def _column_count(text: str) -> int:
@@ -158,7 +168,7 @@ def _edge_line(link: Link, edge_id: str) -> str:
     if link.kind is EdgeKind.FEEDBACK:
         attributes["constraint"] = "false"  # the edge closes a cycle, which has no order from left to right
     source, target = link.flow
-    return f"{_quote(source)} -> {_quote(target)} {_attributes(attributes)};"
+    return f"{quote(source)} -> {quote(target)} {attributes_text(attributes)};"
 
 
 def _element_lines(elements: Iterable[Element], number_by_id: Mapping[str, int]) -> Iterator[str]:
@@ -171,7 +181,7 @@ def _element_lines(elements: Iterable[Element], number_by_id: Mapping[str, int])
         if not observer or len(frame_elements) == 1:
             yield from lines
             continue
-        yield f"subgraph {_quote(f'cluster {observer}')} {{"
+        yield f"subgraph {quote(f'cluster {observer}')} {{"
         yield '  graph [label="", style="rounded,filled", fillcolor="#f7f7f7", color="#bbbbbb", class="frame"];'
         yield from (f"  {line}" for line in lines)
         variable_elements = [element for element in frame_elements if element.kind is NodeKind.CONTEXT]
@@ -185,11 +195,12 @@ def _element_lines(elements: Iterable[Element], number_by_id: Mapping[str, int])
 
 
 def _same_rank_line(elements: Iterable[Element]) -> str:
-    return f"  {{ rank=same; {' '.join(_quote(element.id) for element in elements)} }}"
+    return f"  {{ rank=same; {' '.join(quote(element.id) for element in elements)} }}"
 
 
-def _attributes(values: Mapping[str, object]) -> str:
-    texts = ((name, value if isinstance(value, _Html) else _quote(str(value))) for name, value in values.items())
+def attributes_text(values: Mapping[str, object]) -> str:
+    """Return the attributes of a node or an edge in Graphviz's language."""
+    texts = ((name, value if isinstance(value, _Html) else quote(str(value))) for name, value in values.items())
     return f"[{', '.join(f'{name}={text}' for name, text in texts)}]"
 
 
@@ -207,7 +218,7 @@ def _html_label(*lines: str) -> _Html:
     return _Html(f'<<b>{title}</b>{listing}<br align="left"/>>')
 
 
-def _quote(text: str) -> str:
+def quote(text: str) -> str:
     r"""Return a quoted string in Graphviz's language. Backslashes are escaped, because `\N` or `\G` have a meaning."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 

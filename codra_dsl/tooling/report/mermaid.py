@@ -122,19 +122,19 @@ def _element_lines(elements: Iterable[Element], number_by_id: Mapping[str, int])
 
 
 def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
-    return [f'subgraph {name}["{_escape_label(label)}"]', *(f"  {line}" for line in lines), "end"]
+    return [f'subgraph {name}["{escape_label(label)}"]', *(f"  {line}" for line in lines), "end"]
 
 
 def _node(element: Element, number: int) -> str:
     opening_bracket, closing_bracket = _SHAPES[shown_kind(element)]
     if element.members:
         opening_bracket, closing_bracket = "[", "]"
-    title, *lines = map(_escape_label, text_lines(element))
+    title, *lines = map(escape_label, text_lines(element))
     label = "<br/>".join([f"<b>{title}</b>" if element.members else title, *lines])
     return f'n{number}{opening_bracket}"{label}"{closing_bracket}:::{shown_kind(element)}'
 
 
-def _escape_label(label: str) -> str:
+def escape_label(label: str) -> str:
     """Return text that Mermaid shows unchanged: codes replace all but letters, digits, blanks, `_` and `≤`."""
     return "".join(
         letter if letter.isalnum() or letter in "_ ≤\N{NO-BREAK SPACE}" else f"#{ord(letter)};" for letter in label
@@ -145,11 +145,11 @@ def _legend(graph: Graph) -> list[str]:
     """Return the legend: for each kind of arrow, an arrow from A to B with its meaning."""
     lines = []
     for number, kind in enumerate(edge_kinds_of(graph)):
-        sentence = _escape_label(EDGE_LOOKS[kind].sentence)
+        sentence = escape_label(EDGE_LOOKS[kind].sentence)
         lines.append(f'a{number}(("A")) {_ARROWS[kind]}|"{sentence}"| b{number}(("B"))')
-    lines += (f'k_{kind}["{_escape_label(NODE_LOOKS[kind].meaning)}"]:::{kind}' for kind in node_kinds_of(graph))
+    lines += (f'k_{kind}["{escape_label(NODE_LOOKS[kind].meaning)}"]:::{kind}' for kind in node_kinds_of(graph))
     if shows_latencies(graph):
-        lines.append(f'worst_case["≤ 1 s{_escape_label(": " + WORST_CASE_TEXT)}"]:::plain')
+        lines.append(f'worst_case["≤ 1 s{escape_label(": " + WORST_CASE_TEXT)}"]:::plain')
     return _subgraph("legend", "how to read it", lines)
 
 

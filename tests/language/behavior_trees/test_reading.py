@@ -32,9 +32,23 @@ def finding_texts(body: str) -> list[str]:
     ("body", "expected"),
     [
         ("<Sequenc><Move goal='1'/></Sequenc>", "unknown-tree-node: unknown node 'Sequenc' | did you mean 'Sequence'?"),
-        ("<Qwertz/>", "unknown-tree-node: unknown node 'Qwertz' | declare it: <TreeNodesModel><Action ID=\"Qwertz\"/>"),
+        (
+            "<Qwertz/>",
+            "undeclared-tree-node: the node 'Qwertz' is not declared, so its ports are not checked"
+            ' | add <Action ID="Qwertz"> with its ports to <TreeNodesModel>, or use --models FILE',
+        ),
+        (
+            "<Moove goal='1'/>",
+            "undeclared-tree-node: the node 'Moove' is not declared, so its ports are not checked"
+            " | did you mean 'Move'?",
+        ),
+        ("<Qwertz><Qwertz/></Qwertz>", "undeclared-tree-node: the node 'Qwertz' is not declared, so its ports are not"),
         ("<Typed/>", "unknown-tree-node: unknown node 'Typed' | write <SubTree ID=\"Typed\"/>"),
-        ("<Control ID='Own'/>", "unknown-tree-node: unknown node 'Own' | declare it"),
+        ("<Control ID='Own'/>", "wrong-children: 'Own' has no children, not 1 or more | add or remove nodes below it"),
+        (
+            "<Decorator ID='Own'><AlwaysSuccess/><AlwaysSuccess/></Decorator>",
+            "wrong-children: 'Own' has 2 children, not 1 | put them below one node, e.g. <Sequence>",
+        ),
         ("<Sequence/>", "wrong-children: 'Sequence' has no children, not 1 or more | add or remove nodes below it"),
         (
             "<Inverter><AlwaysSuccess/><AlwaysFailure/></Inverter>",
@@ -49,15 +63,20 @@ def finding_texts(body: str) -> list[str]:
             "<Move goal='1'><AlwaysSuccess/></Move>",
             "wrong-children: 'Move' has 1 child, not 0 | close the element at once: <.../>",
         ),
-        ("<Move/>", "missing-port: 'Move' needs its port 'goal' | write goal=\"...\" or goal=\"{entry}\""),
+        (
+            "<Move/>",
+            "port-without-value: 'Move' has no value for 'goal'"
+            ' | write goal="...", or add default="..." to the port in <TreeNodesModel>',
+        ),
         ("<Move goal='1' gaol='2'/>", "unknown-port: 'Move' has no port 'gaol' | did you mean 'goal'?"),
-        ("<Move goal='1' speed='2'/>", "unknown-port: 'Move' has no port 'speed' | its ports are goal, pose, error"),
+        ("<Move goal='1' speed='2'/>", "undeclared-port: 'Move' has no port 'speed' | its ports are goal, pose, error"),
+        ("<Sleep msec='1' speed='2'/>", "unknown-port: 'Sleep' has no port 'speed' | its ports are msec"),
         ("<Move goal='far'/>", "port-value: 'goal' is 'far', not a value of the type double | write one, or an entry"),
         (
             "<Move goal='{}'/>",
             "port-value: 'goal' is '{}', not a text or an entry | write {name}: letters, digits and _",
         ),
-        ("<Move goal='{a'/>", "port-value: 'goal' is '{a', not a text or an entry"),
+        ("<Move goal='{a'/>", "port-value: 'goal' is '{a', not a value of the type double"),
         (
             "<Move goal='1' error='e'/>",
             "port-value: 'error' is 'e', not an entry, since the node writes it | write {e}",
@@ -83,7 +102,7 @@ def finding_texts(body: str) -> list[str]:
         ),
         ("<SubTree ID='Typd'/>", "unknown-subtree: there is no tree 'Typd' | did you mean 'Typed'?"),
         ("<SubTree ID='Typed'/>", "missing-port: 'SubTree' needs its port 'in'"),
-        ("<SubTree ID='Typed' in='1' on='2'/>", "unknown-port: the tree 'Typed' has no port 'on' | did you mean"),
+        ("<SubTree ID='Typed' in='1' on='2'/>", "unused-remap: the tree 'Typed' has no port 'on' | did you mean"),
         ("<SubTree ID='Typed' in='1' out='2'/>", "port-value: 'out' is '2', not an entry, since the node writes it"),
         ("<SubTree ID='Typed' in='1' _autoremap='yes'/>", "port-value: '_autoremap' is 'yes', not true or false"),
         ("<SubTree ID='Main'/>", "subtree-recursion: subtrees form a cycle: Main -> Main | a tree cannot contain"),
@@ -162,9 +181,9 @@ def test_all_mistakes_of_a_file_are_reported_at_once_with_their_places() -> None
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("<root/>", "no-tree-file: this is not a file of BehaviorTree.CPP 4: no BTCPP_format"),
-        ('<root BTCPP_format="3"/>', "no-tree-file: this is not a file of BehaviorTree.CPP 4: 3"),
-        ('<tree BTCPP_format="4"/>', "no-tree-file: this is not a file of BehaviorTree.CPP 4: <tree>"),
+        ('<root BTCPP_format="5"/>', "no-tree-file: the format '5' is not a version of BehaviorTree.CPP"),
+        ('<tree BTCPP_format="4"/>', "no-tree-file: this is not a file of BehaviorTree.CPP: <tree>"),
+        ("<robot/>", "no-tree-file: this is not a file of BehaviorTree.CPP: <robot>"),
         ('<root BTCPP_format="4"/>', "no-tree-file: the file has no trees"),
         ('<root BTCPP_format="4" main_tree_to_execute="M"/>', "no-tree-file: the file has no trees"),
         (
@@ -185,6 +204,24 @@ def test_a_file_without_trees_is_reported(text: str, expected: str) -> None:
     assert finding.help
 
 
+def test_a_file_without_version_and_id_is_read_with_warnings_that_say_how() -> None:
+    tree = "<BehaviorTree><AlwaysSuccess/></BehaviorTree>"
+
+    assert [
+        (problem.rule.name, problem.severity, problem.place.span.column) for problem in findings(f"<root>{tree}</root>")
+    ] == [
+        ("tree-format", "warning", 1),
+        ("tree-without-id", "warning", len("<root>") + 1),
+    ]
+
+
+def test_trees_without_id_beside_others_are_errors_and_give_no_other_finding() -> None:
+    tree = "<BehaviorTree><AlwaysSuccess/></BehaviorTree>"
+
+    problems = findings(f'<root BTCPP_format="4">{tree * 2}</root>')
+    assert [problem.rule.name for problem in problems] == ["missing-attribute"] * 2
+
+
 def test_a_remapped_entry_that_the_subtree_never_uses_is_reported() -> None:
     others = '<BehaviorTree ID="Go"><Script code="goal := 1" _skipIf="ready" _post="done := 2"/></BehaviorTree>'
     body = '<SubTree ID="Go" gaol="{g}" ready="{r}" done="{d}"/>'
@@ -192,16 +229,6 @@ def test_a_remapped_entry_that_the_subtree_never_uses_is_reported() -> None:
 
     assert (finding.rule.name, finding.severity) == ("unused-remap", "warning")
     assert finding.help == "did you mean 'goal'?"
-
-
-@pytest.mark.parametrize("kind", ["Control", "Decorator"])
-def test_nodes_of_the_robot_can_only_be_leaves(kind: str) -> None:
-    (finding,) = findings(document("<AlwaysSuccess/>", f'<{kind} ID="Own"/>'))
-
-    assert (finding.rule.name, finding.message) == (
-        "unsupported-tree-node",
-        f"'Own' is a {kind.lower()} node of the robot",
-    )
 
 
 @pytest.mark.parametrize(("name", "models"), [("Sequence", ""), ("MoveTo", '<Action ID="MoveTo"/>')])

@@ -90,11 +90,14 @@ def chosen_values(tree: TreeElement, forest: Forest) -> tuple[str, Mapping[str, 
 
 
 def leaves(forest: Forest) -> Mapping[str, TreeNode]:
-    """Return a mapping from the ID of each leaf that is not built in to the first leaf with this ID, in file order."""
+    """Return a mapping from the ID of each leaf that is not built in to the first leaf with this ID, in file order.
+
+    Control nodes and decorators of the robot are not leaves: they have children.
+    """
     first_leaves: dict[str, TreeNode] = {}
     for tree in forest.trees:
         for node in tree.root.walk():
-            if node.id not in BUILT_IN and node.subtree is None:
+            if node.id not in BUILT_IN and node.subtree is None and not node.children:
                 first_leaves.setdefault(node.id, node)
     return first_leaves
 

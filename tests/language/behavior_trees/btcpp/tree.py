@@ -33,6 +33,9 @@ def tick_script_condition(node: Node) -> Status:
 
 
 def tick_set_blackboard(node: Node) -> Status:
+    key = parse_entry_name("value", node.attributes["value"])
+    if key is not None and node.board.knows(key) and node.board.read(key) is None:
+        return Status.FAILURE
     node.board.write(str(node.port("output_key")), node.port("value"))
     return Status.SUCCESS
 

@@ -1,0 +1,145 @@
+"""Read the files of folders as one forest: a tree can be a subtree of trees in other files, which do not include it.
+
+The library loads such files one after the other, and nodes are declared in files of their own, such as Nav2's
+`nav2_tree_nodes.xml`. Each file is checked with only the trees and models of other files that it needs, because the
+main trees of a folder often have the same name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from codra_dsl.language.behavior_trees.checks import check
+from codra_dsl.language.behavior_trees.elements import MAX_BYTES
+from codra_dsl.language.behavior_trees.reader import read
+from codra_dsl.language.behavior_trees.rules import TreeFindings
+from codra_dsl.language.behavior_trees.values import BehaviorTree, Forest, NodeKind, TreeFile, TreeNode
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related, Span, in_file_order
+from codra_dsl.language.frozen import dataclass
+from codra_dsl.language.project import relative_path, root_of
+from codra_dsl.regular_files import read_beginning
+
+MAX_FOLDER_FILES = 1_000
+"""The maximum number of files in a folder."""
+
+_TREE_FILE = re.compile(rb"<root[\s/>]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedFiles:
+    """Files of trees that were read and checked.
+
+    Attributes:
+        forests: each file with the trees and models of other files that it needs.
+        diagnostics: all findings, in file order.
+    """
+
+    forests: tuple[Forest, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def check_files(paths: Sequence[Path], model_files: Sequence[Path], root: Path) -> CheckedFiles:
+    """Read and check files and folders.
+
+    Args:
+        paths: files of trees, and folders with such files. Other XML files in folders are ignored. No file outside of
+            their projects is read.
+        model_files: files whose `TreeNodesModel` declares nodes.
+        root: the folder to which the paths in findings are relative.
+    """
+    findings = TreeFindings()
+    within = {file: root_of(path) for path in paths for file in _tree_files(path, root, findings)}
+    forests = [forest for file in within if (forest := _read(file, root, within[file], findings)) is not None]
+    model_forests = [_read(file, root, root_of(file), findings) for file in model_files]
+    models = [replace(file, trees=()) for forest in model_forests if forest is not None for file in forest.files]
+    is_folder = any(path.is_dir() for path in paths)
+    library = [*((forest.files[0] for forest in forests) if is_folder else ()), *models]
+    completed = [complete(forest, library, findings) for forest in forests]
+    for forest in completed:
+        if forest.trees or not forest.models:
+            findings.extend(check(forest)[1])
+    return CheckedFiles(forests=tuple(completed), diagnostics=in_file_order(findings.all()))
+
+
+def complete(forest: Forest, library: Iterable[TreeFile], findings: TreeFindings) -> Forest:
+    """Return a forest with the trees and models of other files that its nodes need and do not have."""
+    own_files = {file.file for file in forest.files}
+    others = [file for file in library if file.file not in own_files]
+    trees_by_id: dict[str, list[tuple[TreeFile, BehaviorTree]]] = {}
+    for file in others:
+        for tree in file.trees:
+            trees_by_id.setdefault(tree.id, []).append((file, tree))
+    known_ids = {tree.id for tree in forest.trees}
+    added: dict[str, list[BehaviorTree]] = {}
+    nodes: list[TreeNode] = []
+    pending = list(forest.trees)
+    while pending:
+        for node in pending.pop(0).root.walk():
+            nodes.append(node)
+            candidates = trees_by_id.get(node.subtree or "", [])
+            if node.subtree is None or node.subtree in known_ids or not candidates:
+                continue
+            known_ids.add(node.subtree)
+            file, tree = candidates[0]
+            if len(candidates) > 1:
+                _report_ambiguous_tree(node, candidates, findings)
+            added.setdefault(file.file, []).append(tree)
+            pending.append(tree)
+    needed = {(node.subtree is not None, node.subtree or node.id) for node in nodes}
+    declared = {(model.kind is NodeKind.SUBTREE, model.id) for model in forest.models}
+    new_files: list[TreeFile] = []
+    for file in others:
+        models = [model for model in file.models if (model.kind is NodeKind.SUBTREE, model.id) in needed - declared]
+        declared |= {(model.kind is NodeKind.SUBTREE, model.id) for model in models}
+        trees = tuple(added.get(file.file, ()))
+        if trees or models:
+            new_files.append(replace(file, main=None, includes=(), trees=trees, models=tuple(models)))
+    return replace(forest, files=(*forest.files, *new_files))
+
+
+def _report_ambiguous_tree(
+    node: TreeNode, candidates: Sequence[tuple[TreeFile, BehaviorTree]], findings: TreeFindings
+) -> None:
+    (first, _), *others = candidates
+    findings.add(
+        "duplicate-tree",
+        f"{len(candidates)} files have a tree '{node.subtree}'",
+        node.place,
+        help=f'include one of them: <include path="..."/>; here {first.file} is used',
+        related=[Related("another one", tree.place) for _, tree in others[:5]],
+    )
+
+
+def _read(path: Path, root: Path, within: Path, findings: TreeFindings) -> Forest | None:
+    forest, read_findings = read(path, root, within)
+    findings.extend(read_findings)
+    return forest
+
+
+def _tree_files(path: Path, root: Path, findings: TreeFindings) -> Iterator[Path]:
+    """Yield a file, or the files of trees in a folder, in alphabetical order. Hidden folders are not entered."""
+    if not path.is_dir():
+        yield path
+        return
+    count = 0
+    for file in sorted(path.rglob("*.xml")):
+        if any(part.startswith(".") for part in file.relative_to(path).parts) or not _has_trees(file, path):
+            continue
+        count += 1
+        if count > MAX_FOLDER_FILES:
+            place = Place(Span(relative_path(path, root), 1, 1, 1, 1))
+            help_text = "check parts of the folder one after the other"
+            findings.add("tree-include", f"the folder has more than {MAX_FOLDER_FILES:,} files", place, help=help_text)
+            return
+        yield file
+
+
+def _has_trees(path: Path, folder: Path) -> bool:
+    """Return whether a file may be a file of trees. A file that cannot be read is one, so that it is reported."""
+    try:
+        return _TREE_FILE.search(read_beginning(path, MAX_BYTES, within=folder)) is not None
+    except OSError:
+        return path.is_file()
