@@ -47,7 +47,7 @@ PORT_VALUES: Mapping[PortContent, str] = {
     PortContent.SCRIPT: "a := 1",
 }
 LONG_CONDITION = " &amp;&amp; ".join(f"entry_{number} == {number}" for number in range(20))
-TREES = (f'<A _while="{LONG_CONDITION}"/>', '<Script code="a := 1; a = 2"/>')
+TREES = ("<Own><A/></Own>", f'<A _while="{LONG_CONDITION}"/>', '<Script code="a := 1; a = 2"/>')
 
 
 def built_in_trees() -> Iterator[str]:

@@ -121,7 +121,10 @@ def _sections(definitions: Iterable[Line], findings: Findings) -> list[_Section]
 def _add_line(line: Line, section: _Section, findings: Findings) -> None:
     key, kind = line.key, section.head.key.text
     if key.text not in _KEYS[kind]:
-        findings.report_unknown("fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS))
+        replacement = "'aggregation'" if key.text == "accumulation" else None
+        findings.report_unknown(
+            "fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS), replacement=replacement
+        )
     elif key.text in _REPEATABLE_KEYS:
         section.repeated_lines.append(line)
     elif key.text in section.single_values:
@@ -281,7 +284,9 @@ class _Builder:
             return None
         members_by_text = {str(member): member for member in kind}
         if word.text not in members_by_text:
-            self._findings.report_unknown("fll-unknown-word", noun, word, members_by_text)
+            is_old = noun == "activation" and word.text in list(TNorm)
+            replacement = f"'implication: {word.text}' and 'activation: General'" if is_old else None
+            self._findings.report_unknown("fll-unknown-word", noun, word, members_by_text, replacement=replacement)
         return members_by_text.get(word.text)
 
     def _defuzzifier(self, word: Word | None) -> Defuzzifier | None:

@@ -271,36 +271,46 @@ class _FunctionAction(Action):
         """Do nothing, because the function does not run between calls."""
 
 
-class Leaf(Kind):
-    """An action or a condition of the robot, with its ports."""
+class _RobotNode(Kind):
+    """A node of the robot, with its ports."""
 
     def __init__(
-        self, action: str, *, inputs: Mapping[str, Setting] | None = None, outputs: Mapping[str, Entry] | None = None
+        self, name: str, *, inputs: Mapping[str, Setting] | None = None, outputs: Mapping[str, Entry] | None = None
     ) -> None:
-        self._name = action
+        self._name = name
         self._inputs = inputs or {}
         self._outputs = outputs or {}
-        self._binding: tuple[Action, Ports] | None = None
+
+    def entries(self) -> Iterable[Entry]:
+        """Return the entries of the node's ports."""
+        return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
+
+    def _ports(self, scope: Scope) -> Ports:
+        return Ports(self._name, scope, self._inputs, self._outputs)
+
+    def _not_idle(self, result: Result) -> Result:
+        if result is Result.IDLE:
+            raise TreeError(f"{self._name!r} returned IDLE: it must return RUNNING, SUCCESS, FAILURE or SKIPPED")
+        return result
+
+    def _unbound_error(self) -> TreeError:
+        return TreeError(f"the node {self._name!r} is not bound: tick it as part of a Tree")
+
+
+class Leaf(_RobotNode):
+    """An action or a condition of the robot."""
+
+    _binding: tuple[Action, Ports] | None = None
 
     def bind(self, node: Node, tick_context: TickContext) -> TickContext:  # noqa: ARG002
         """Create the action and its ports."""
-        ports = Ports(self._name, tick_context.scope, self._inputs, self._outputs)
-        self._binding = tick_context.leaves.of(self._name), ports
+        self._binding = tick_context.leaves.of(self._name), self._ports(tick_context.scope)
         return tick_context
-
-    def entries(self) -> Iterable[Entry]:
-        """Return the entries of the leaf's ports."""
-        return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
 
     def tick(self, node: Node) -> Result:
         """Start the action, or continue it."""
         action, ports = self._action_and_ports()
-        result = action.go_on(ports) if node.is_running else action.start(ports)
-        if result is Result.IDLE:
-            raise TreeError(
-                f"the action {self._name!r} returned IDLE: it must return RUNNING, SUCCESS, FAILURE or SKIPPED"
-            )
-        return result
+        return self._not_idle(action.go_on(ports) if node.is_running else action.start(ports))
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Stop the action."""
@@ -309,39 +319,23 @@ class Leaf(Kind):
 
     def _action_and_ports(self) -> tuple[Action, Ports]:
         if self._binding is None:
-            raise TreeError(f"the leaf {self._name!r} is not bound: tick it as part of a Tree")
+            raise self._unbound_error()
         return self._binding
 
 
-class Control(Kind):
-    """A control node or a decorator of the robot, with its ports; its kind is registered with `Robot.controls`."""
+class Control(_RobotNode):
+    """A control node or a decorator of the robot; its kind is registered with `Robot.controls`."""
 
-    def __init__(
-        self, name: str, *, inputs: Mapping[str, Setting] | None = None, outputs: Mapping[str, Entry] | None = None
-    ) -> None:
-        self._name = name
-        self._inputs = inputs or {}
-        self._outputs = outputs or {}
-        self._kind: Kind | None = None
+    _kind: Kind | None = None
 
     def bind(self, node: Node, tick_context: TickContext) -> TickContext:
         """Create the registered kind and bind it."""
-        ports = Ports(self._name, tick_context.scope, self._inputs, self._outputs)
-        self._kind = tick_context.leaves.control(self._name, ports)
+        self._kind = tick_context.leaves.control(self._name, self._ports(tick_context.scope))
         return self._kind.bind(node, tick_context)
-
-    def entries(self) -> Iterable[Entry]:
-        """Return the entries of the node's ports."""
-        return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
 
     def tick(self, node: Node) -> Result:
         """Tick the registered kind."""
-        result = self._registered_kind().tick(node)
-        if result is Result.IDLE:
-            raise TreeError(
-                f"the node {self._name!r} returned IDLE: it must return RUNNING, SUCCESS, FAILURE or SKIPPED"
-            )
-        return result
+        return self._not_idle(self._registered_kind().tick(node))
 
     def halt(self, node: Node) -> None:
         """Clear the state of the registered kind."""
@@ -349,5 +343,5 @@ class Control(Kind):
 
     def _registered_kind(self) -> Kind:
         if self._kind is None:
-            raise TreeError(f"the node {self._name!r} is not bound: tick it as part of a Tree")
+            raise self._unbound_error()
         return self._kind

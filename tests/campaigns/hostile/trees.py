@@ -8,11 +8,15 @@ from random import Random
 
 from codra_dsl.generation.emit.behaviour_trees import tree_module
 from codra_dsl.language.behavior_trees import check, read, read_text, write
+from codra_dsl.language.behavior_trees.folders import check_files
+from codra_dsl.tooling.report.tree_pictures import picture_of
 from tests.campaigns.hostile.damage import damaged_bytes, encoded
 from tests.campaigns.hostile.reading import Answer, Files, Kind, Link
 from tests.campaigns.hostile.texts import NUMBERS, ODD_NAMES, RESERVED_NAMES, TEXTS
 from tests.campaigns.hostile.xml_damage import damaged_xml
 from tests.language.behavior_trees.random_trees import RandomTree
+from tests.language.behavior_trees.real_texts import NAV2_BODIES, nav2_file
+from tests.language.behavior_trees.real_texts import TEXTS as REAL_TEXTS
 from tests.language.behavior_trees.stories import document
 
 ROOT = Path(__file__).parents[3]
@@ -44,6 +48,13 @@ def _named(chance: Random) -> str:
         .replace(f"<{old_name} ", f"<{name} ")
         .replace(f"{{{old_name}}}", f"{{{name}}}")
     )
+
+
+def _real(chance: Random) -> str:
+    """Return a text of the field: of version 3, with values that are not escaped, or with nodes of the robot."""
+    texts = [text for text, _ in REAL_TEXTS.values()] + [nav2_file(body) for body in NAV2_BODIES.values()]
+    text = chance.choice(texts)
+    return text.replace('"4"', chance.choice(('"4"', '"3"', '"5"', '""')), chance.random() < 0.3)
 
 
 def _scripted(chance: Random) -> str:
@@ -82,7 +93,8 @@ def _large(chance: Random) -> str:
 
 
 def _make(chance: Random) -> Files:
-    maker: Callable[[Random], str] = chance.choices((_random_tree, _named, _scripted, _large), (50, 15, 10, 3))[0]
+    makers: tuple[Callable[[Random], str], ...] = (_random_tree, _real, _named, _scripted, _large)
+    maker = chance.choices(makers, (40, 20, 15, 10, 3))[0]
     text = chance.choice((*_FILES, *_PAGE_TREES)) if chance.random() < 0.25 else maker(chance)
     is_damaged = chance.random() < 0.75
     data = damaged_xml(chance, text) if is_damaged else encoded(chance, text)
@@ -116,7 +128,7 @@ def _included(chance: Random) -> Files:
 
 
 def _read(root: Path) -> Answer:
-    """Read and check a file with the files that it includes, write it, read it again, and compile it."""
+    """Read and check a file with its included files and with its folder; write, read again, draw and compile it."""
     forest, read_findings = read(root / "tree.xml", root)
     checked, findings = (None, ()) if forest is None else check(forest)
     codes = tuple(finding.code for finding in (*read_findings, *findings))
@@ -124,6 +136,11 @@ def _read(root: Path) -> Answer:
         again, _ = read_text(write(file).encode("utf-8", "surrogatepass"), file.file)
         assert again is not None, "the tree cannot be read after it has been written"
         assert write(again) == write(file), "the tree differs after writing and reading"
+    check_files([root], [], root)
+    if forest is not None:
+        picture = picture_of(forest)
+        assert picture.dot()
+        assert picture.mermaid()
     if checked is None:
         assert codes, "the tree is refused without a finding"
         return Answer(False, codes)

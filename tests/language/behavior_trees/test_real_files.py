@@ -270,7 +270,7 @@ def test_a_class_of_a_control_node_is_registered_once_and_returns_no_idle() -> N
 
     with pytest.raises(ValueError, match="the control node 'RecoveryNode' already exists"):
         robot.controls("RecoveryNode", Recovery)
-    with pytest.raises(TreeError, match="the node 'RecoveryNode' returned IDLE"):
+    with pytest.raises(TreeError, match="'RecoveryNode' returned IDLE"):
         recovery_tree(robot).tick()
 
 

@@ -93,6 +93,12 @@ MISTAKES = [
     ("Centroid 100", "Centroid 100 3", "13:29 fll-wrong-value: unexpected '3'"),
     ("  range: 0.0 10.0\n", "", "8:17 fll-missing: an integral needs a finite range"),
     ("  activation: General\n", "", "18:1 fll-missing: the block has no activation"),
+    (
+        "  aggregation: Maximum",
+        "  accumulation: Maximum",
+        "12:3 fll-unknown-key: unknown key of OutputVariable 'accumulation'",
+    ),
+    ("  activation: General", "  activation: Minimum", "23:15 fll-unknown-word: unknown activation 'Minimum'"),
     ("  activation: General", "  activation: Frist", "23:15 fll-unknown-word: unknown activation 'Frist'"),
     ("  activation: General", "  activation: Threshold ~ 1", "23:25 fll-unknown-word: unknown comparator '~'"),
     ("  disjunction: Maximum\n", "", "18:1 fll-missing: 'or' needs a disjunction"),
@@ -127,6 +133,18 @@ def test_a_sign_in_place_of_a_keyword_is_replaced_and_a_missing_keyword_is_added
     (nothing,) = read_fll(GOOD.replace("speed is slow", "speed slow", 1).encode(), "fan.fll").findings
 
     assert (sign.help, nothing.help) == ("write 'is' instead", "write 'is' before it")
+
+
+def test_the_help_for_words_of_fuzzylite_5_is_the_form_of_version_6() -> None:
+    old = GOOD.replace("aggregation: Maximum", "accumulation: Maximum").replace(
+        "activation: General", "activation: Minimum"
+    )
+    helps = [finding.help for finding in read_fll(old.encode(), "old.fll").findings]
+
+    assert helps == [
+        "this is FuzzyLite 5; in version 6, write 'aggregation'",
+        "this is FuzzyLite 5; in version 6, write 'implication: Minimum' and 'activation: General'",
+    ]
 
 
 def test_tsukamoto_needs_monotone_terms() -> None:
