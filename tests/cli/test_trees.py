@@ -51,15 +51,15 @@ def codra(*arguments: str, exit_code: int = 0) -> tuple[str, str]:
 
 
 def test_check_reports_undeclared_nodes_once_each_and_none_with_the_list_of_nodes() -> None:
-    found, counts = codra("check", "trees", "--format", "concise")
-    assert found.splitlines()[0] == (
+    output, counts = codra("check", "trees", "--format", "concise")
+    assert output.splitlines()[0] == (
         "navigate.xml:1:84: warning[CDR3310]: the node 'RecoveryNode' is not declared, so its ports are not checked"
         ' (add <Control ID="RecoveryNode"> with its ports to <TreeNodesModel>, or use --models FILE)'
     )
     assert counts == "1 tree in 1 file: 11 warnings\n"
 
-    found, _ = codra("check", "trees", "--models", "nav2/nodes.xml", "--format", "json")
-    findings = [json.loads(line) for line in found.splitlines()]
+    output, _ = codra("check", "trees", "--models", "nav2/nodes.xml", "--format", "json")
+    findings = [json.loads(line) for line in output.splitlines()]
     assert {finding["code"] for finding in findings} == {"CDR3311"}
 
 
@@ -70,8 +70,8 @@ def test_check_accepts_a_list_of_nodes_alone() -> None:
 def test_check_fails_on_errors_and_on_request_on_warnings(folder: Path) -> None:
     (folder / "bad.xml").write_text('<root BTCPP_format="4"><BehaviorTree ID="A"><Sleep/></BehaviorTree></root>')
 
-    found, counts = codra("check", "bad.xml", exit_code=1)
-    assert "bad.xml:1:45" in found
+    output, counts = codra("check", "bad.xml", exit_code=1)
+    assert "bad.xml:1:45" in output
     assert counts == "1 tree in 1 file: 1 error\n"
     codra("check", "old.xml")
     codra("check", "old.xml", "--fail-on", "warning", exit_code=1)
@@ -150,9 +150,9 @@ HOSTILE = {
 def test_a_hostile_file_is_refused_with_a_finding(command: str, name: str, folder: Path) -> None:
     (folder / "hostile.xml").write_bytes(HOSTILE[name])
 
-    found, problems = codra(command, "hostile.xml", exit_code=1)
-    assert "error[CDR" in found + problems
-    assert "root:" not in found + problems
+    output, problems = codra(command, "hostile.xml", exit_code=1)
+    assert "error[CDR" in output + problems
+    assert "root:" not in output + problems
 
 
 def test_names_from_a_file_cannot_act_as_commands_of_a_terminal_or_leave_a_picture(folder: Path) -> None:

@@ -128,22 +128,19 @@ def graph_command(
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Draw trees. Trees with errors are drawn as far as they can be read; findings go to standard error."""
-    from codra_dsl.language.behavior_trees import Forest
     from codra_dsl.tooling.report.dot import DrawingError
     from codra_dsl.tooling.report.tree_pictures import picture_of
 
     picture_format = _picture_format(output) if format_ is None else format_
     root, checked_files = _check(paths, models or ())
     _show_findings(checked_files.diagnostics, root, color)
-    files = {file.file: file for forest in reversed(checked_files.forests) for file in reversed(forest.files)}
-    files |= {forest.files[0].file: forest.files[0] for forest in checked_files.forests}
-    ids = [tree.id for file in files.values() for tree in file.trees]
+    ids = [tree.id for forest in checked_files.forests for tree in forest.trees]
     unknown_id = next((name for name in tree or () if name not in ids), None)
     if unknown_id is not None:
         raise typer.BadParameter(f"there is no tree '{unknown_id}'", param_hint="--tree")
     if not ids:
         raise typer.Exit(ExitCode.FAILED)
-    picture = picture_of(Forest(files=tuple(files[file] for file in sorted(files))), tree or ())
+    picture = picture_of(checked_files.forests, tree or ())
     try:
         match picture_format:
             case PictureFormat.DOT:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from codra_dsl.language.behavior_trees import BehaviorTree, Forest, NodeKind, TreeNode
 from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, POST_SCRIPTS, PRECONDITIONS
@@ -107,12 +107,15 @@ class TreePicture:
             yield from ((box.number, roots[box.node.subtree]) for box in boxes if box.node.subtree in roots)
 
 
-def picture_of(forest: Forest, tree_ids: Collection[str] = ()) -> TreePicture:
-    """Return the picture of the trees with some ids, or of all trees if no ids are given."""
-    kinds = {model.id: model.kind for model in reversed(forest.models) if model.kind is not NodeKind.SUBTREE}
+def picture_of(forests: Iterable[Forest], tree_ids: Collection[str] = ()) -> TreePicture:
+    """Return the picture of the trees with some ids, or of all trees if no ids are given; each tree is drawn once."""
+    forests = list(forests)
+    models = (model for forest in forests for model in forest.models if model.kind is not NodeKind.SUBTREE)
+    kinds = {model.id: model.kind for model in models}
+    trees = {tree.place: tree for forest in forests for tree in forest.trees}
     drawn: list[tuple[BehaviorTree, tuple[_Box, ...]]] = []
     first_number = 0
-    for tree in forest.trees:
+    for tree in trees.values():
         if tree_ids and tree.id not in tree_ids:
             continue
         nodes = list(tree.root.walk())

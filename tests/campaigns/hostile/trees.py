@@ -138,7 +138,7 @@ def _read(root: Path) -> Answer:
         assert write(again) == write(file), "the tree differs after writing and reading"
     check_files([root], [], root)
     if forest is not None:
-        picture = picture_of(forest)
+        picture = picture_of([forest])
         assert picture.dot()
         assert picture.mermaid()
     if checked is None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.emit.behaviour_trees import tree_module
 from codra_dsl.language.behavior_trees import Forest, check, read_text, write
 from codra_dsl.language.behavior_trees.folders import check_files
@@ -34,7 +35,7 @@ def test_a_text_of_the_field_is_read_drawn_compiled_and_written_back(name: str) 
     assert written_problems == ()
     compile(tree_module(checked), "trees.py", "exec", dont_inherit=True)
     node_count = sum(1 for tree in file.trees for _ in tree.root.walk())
-    picture = picture_of(checked.forest)
+    picture = picture_of([checked.forest])
     assert picture.dot().count(" [label=") == node_count + len(file.trees)
     assert picture.mermaid().startswith("flowchart TB\n")
 
@@ -287,6 +288,24 @@ def test_own_control_nodes_are_not_actions_of_the_module() -> None:
     assert list(functions(module)) == ["Main"]
 
 
+SPEC = """\
+codra: 1
+name: truck
+trees:
+  mission: {file: main.xml, leaves: {A: [], B: []}}
+loops:
+  driving: {execute: [mission]}
+"""
+
+
+def test_a_spec_whose_tree_has_an_own_control_node_is_planned_and_lists_only_its_leaves(tmp_path: Path) -> None:
+    project(tmp_path, {"main.xml": document("<Race><A/><B/></Race>"), "spec.yaml": SPEC})
+    planned = plan_paths([tmp_path / "spec.yaml"], tmp_path)
+
+    assert [finding.rule.name for finding in planned.diagnostics] == ["undeclared-tree-node"]
+    assert [plan.name for plan in planned.plans] == ["truck"]
+
+
 # Entries without a value
 
 
@@ -339,7 +358,7 @@ def test_a_picture_has_names_ids_and_conditions_and_connects_subtrees_with_their
     file, _ = read_text(text.encode(), "tree.xml")
     assert file is not None
 
-    picture = picture_of(Forest(files=(file,)))
+    picture = picture_of([Forest(files=(file,))])
     assert picture.mermaid().splitlines() == [
         "flowchart TB",
         '  subgraph t0["Main"]',
@@ -357,13 +376,13 @@ def test_a_picture_has_names_ids_and_conditions_and_connects_subtrees_with_their
         "  n0 -.-> n1",
     ]
     assert 'n0 -> n1 [style="dashed", constraint="false"];' in picture.dot()
-    assert picture_of(Forest(files=(file,)), ["Main"]).mermaid().count("subgraph") == 1
+    assert picture_of([Forest(files=(file,))], ["Main"]).mermaid().count("subgraph") == 1
 
 
 def test_a_picture_is_drawn_as_svg() -> None:
     file, _ = read_text(document('<Sequence name="a &lt; b"><A/><B/></Sequence>').encode(), "tree.xml")
     assert file is not None
 
-    svg = picture_of(Forest(files=(file,))).svg()
+    svg = picture_of([Forest(files=(file,))]).svg()
     assert svg.startswith("<svg ")
     assert "a &lt; b" in svg
