@@ -7,8 +7,10 @@ main trees of a folder often have the same name.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from codra_dsl.language.behavior_trees.checks import check
 from codra_dsl.language.behavior_trees.elements import MAX_BYTES
 from codra_dsl.language.behavior_trees.reader import read
 from codra_dsl.language.behavior_trees.rules import TreeFindings
-from codra_dsl.language.behavior_trees.values import BehaviorTree, Forest, NodeKind, TreeFile, TreeNode
+from codra_dsl.language.behavior_trees.values import BehaviorTree, Forest, NodeKind, NodeModel, TreeFile, TreeNode
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, Span, in_file_order
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.project import relative_path, root_of
@@ -56,59 +58,77 @@ def check_files(paths: Sequence[Path], model_files: Sequence[Path], root: Path) 
     model_forests = [_read(file, root, root_of(file), findings) for file in model_files]
     models = [replace(file, trees=()) for forest in model_forests if forest is not None for file in forest.files]
     is_folder = any(path.is_dir() for path in paths)
-    library = [*((forest.files[0] for forest in forests) if is_folder else ()), *models]
-    completed = [complete(forest, library, findings) for forest in forests]
+    library = _Library([*((forest.files[0] for forest in forests) if is_folder else ()), *models])
+    completed = [_complete(forest, library, findings) for forest in forests]
     for forest in completed:
         if forest.trees or not forest.models:
             findings.extend(check(forest)[1])
     return CheckedFiles(forests=tuple(completed), diagnostics=in_file_order(findings.all()))
 
 
-def complete(forest: Forest, library: Iterable[TreeFile], findings: TreeFindings) -> Forest:
+class _Library:
+    """The trees and models of files, by their ids."""
+
+    def __init__(self, files: Iterable[TreeFile]) -> None:
+        self.files: dict[str, TreeFile] = {}
+        self.trees: dict[str, list[tuple[str, BehaviorTree]]] = {}
+        self.models: dict[tuple[bool, str], tuple[str, NodeModel]] = {}
+        for file in files:
+            self.files.setdefault(file.file, file)
+            for tree in file.trees:
+                self.trees.setdefault(tree.id, []).append((file.file, tree))
+            for model in file.models:
+                self.models.setdefault(_key(model), (file.file, model))
+
+
+def _complete(forest: Forest, library: _Library, findings: TreeFindings) -> Forest:
     """Return a forest with the trees and models of other files that its nodes need and do not have."""
-    own_files = {file.file for file in forest.files}
-    others = [file for file in library if file.file not in own_files]
-    trees_by_id: dict[str, list[tuple[TreeFile, BehaviorTree]]] = {}
-    for file in others:
-        for tree in file.trees:
-            trees_by_id.setdefault(tree.id, []).append((file, tree))
     known_ids = {tree.id for tree in forest.trees}
-    added: dict[str, list[BehaviorTree]] = {}
-    nodes: list[TreeNode] = []
+    trees: dict[str, list[BehaviorTree]] = {}
+    models: dict[str, list[NodeModel]] = {}
+    known_models = {_key(model) for model in forest.models}
     pending = list(forest.trees)
     while pending:
         for node in pending.pop(0).root.walk():
-            nodes.append(node)
-            candidates = trees_by_id.get(node.subtree or "", [])
-            if node.subtree is None or node.subtree in known_ids or not candidates:
-                continue
-            known_ids.add(node.subtree)
-            file, tree = candidates[0]
-            if len(candidates) > 1:
-                _report_ambiguous_tree(node, candidates, findings)
-            added.setdefault(file.file, []).append(tree)
-            pending.append(tree)
-    needed = {(node.subtree is not None, node.subtree or node.id) for node in nodes}
-    declared = {(model.kind is NodeKind.SUBTREE, model.id) for model in forest.models}
-    new_files: list[TreeFile] = []
-    for file in others:
-        models = [model for model in file.models if (model.kind is NodeKind.SUBTREE, model.id) in needed - declared]
-        declared |= {(model.kind is NodeKind.SUBTREE, model.id) for model in models}
-        trees = tuple(added.get(file.file, ()))
-        if trees or models:
-            new_files.append(replace(file, main=None, includes=(), trees=trees, models=tuple(models)))
+            candidates = library.trees.get(node.subtree or "", [])
+            if node.subtree is not None and node.subtree not in known_ids and candidates:
+                known_ids.add(node.subtree)
+                file, tree = candidates[0]
+                if len(candidates) > 1:
+                    _report_ambiguous_tree(node, candidates, findings)
+                trees.setdefault(file, []).append(tree)
+                pending.append(tree)
+            key = (node.subtree is not None, node.subtree or node.id)
+            if key in library.models and key not in known_models:
+                known_models.add(key)
+                file, model = library.models[key]
+                models.setdefault(file, []).append(model)
+    new_files = (
+        replace(
+            library.files[file],
+            main=None,
+            includes=(),
+            trees=tuple(trees.get(file, ())),
+            models=tuple(models.get(file, ())),
+        )
+        for file in sorted(trees.keys() | models.keys())
+    )
     return replace(forest, files=(*forest.files, *new_files))
 
 
+def _key(model: NodeModel) -> tuple[bool, str]:
+    return model.kind is NodeKind.SUBTREE, model.id
+
+
 def _report_ambiguous_tree(
-    node: TreeNode, candidates: Sequence[tuple[TreeFile, BehaviorTree]], findings: TreeFindings
+    node: TreeNode, candidates: Sequence[tuple[str, BehaviorTree]], findings: TreeFindings
 ) -> None:
     (first, _), *others = candidates
     findings.add(
         "duplicate-tree",
         f"{len(candidates)} files have a tree '{node.subtree}'",
         node.place,
-        help=f'include one of them: <include path="..."/>; here {first.file} is used',
+        help=f'include one of them: <include path="..."/>; here {first} is used',
         related=[Related("another one", tree.place) for _, tree in others[:5]],
     )
 
@@ -124,17 +144,26 @@ def _tree_files(path: Path, root: Path, findings: TreeFindings) -> Iterator[Path
     if not path.is_dir():
         yield path
         return
-    count = 0
-    for file in sorted(path.rglob("*.xml")):
-        if any(part.startswith(".") for part in file.relative_to(path).parts) or not _has_trees(file, path):
-            continue
-        count += 1
-        if count > MAX_FOLDER_FILES:
-            place = Place(Span(relative_path(path, root), 1, 1, 1, 1))
-            help_text = "check parts of the folder one after the other"
-            findings.add("tree-include", f"the folder has more than {MAX_FOLDER_FILES:,} files", place, help=help_text)
-            return
-        yield file
+    files = [file for file in _xml_files(path) if _has_trees(file, path)]
+    if len(files) > MAX_FOLDER_FILES:
+        place = Place(Span(relative_path(path, root), 1, 1, 1, 1))
+        message = f"the folder has {len(files):,} files of trees, and only {MAX_FOLDER_FILES:,} of them are checked"
+        findings.add("tree-include", message, place, help="check parts of the folder one after the other")
+    yield from files[:MAX_FOLDER_FILES]
+
+
+def _xml_files(folder: Path) -> list[Path]:
+    """Return the XML files in or below a folder. Folders that cannot be read are left out."""
+    files: list[Path] = []
+    pending_folders = [os.fspath(folder)]  # not a recursion: there may be more folders in folders than Python can call
+    while pending_folders:
+        with suppress(OSError), os.scandir(pending_folders.pop()) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    pending_folders += [] if entry.name.startswith(".") else [entry.path]
+                elif entry.name.endswith(".xml"):
+                    files.append(Path(entry.path))
+    return sorted(files)
 
 
 def _has_trees(path: Path, folder: Path) -> bool:

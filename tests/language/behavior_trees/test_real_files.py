@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from codra_dsl.language.diagnostics import Severity
 from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.behavior_trees import Kind, Node, Ports, Result, Robot, Tree, TreeError
 from codra_dsl.tooling.report.tree_pictures import picture_of
+from tests.cli.test_hostile_projects import nested_folders
 from tests.language.behavior_trees.real_texts import NAV2_BODIES, NAV2_MODELS, TEXTS, nav2_file
 from tests.language.behavior_trees.stories import document, findings, functions, main_tree
 
@@ -180,6 +182,17 @@ def test_a_folder_with_a_link_out_of_it_reads_nothing_of_the_target(tmp_path: Pa
 
     (finding,) = check_files([folder], [], folder).diagnostics
     assert (finding.rule.name, finding.place.span.file) == ("cannot-read", "link.xml")
+
+
+def test_a_folder_with_very_deep_folders_and_other_kinds_of_files_is_read(tmp_path: Path) -> None:
+    project(tmp_path, {"a.xml": PART.format("")})
+    (tmp_path / "folder.xml").mkdir()
+    os.mkfifo(tmp_path / "pipe.xml")
+
+    with nested_folders(tmp_path, "d", 1200):
+        checked = check_files([tmp_path], [], tmp_path)
+    assert checked.diagnostics == ()
+    assert [forest.files[0].file for forest in checked.forests] == ["a.xml"]
 
 
 # Own control nodes and decorators
