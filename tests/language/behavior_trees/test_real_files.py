@@ -9,7 +9,7 @@ import pytest
 
 from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.emit.behaviour_trees import tree_module
-from codra_dsl.language.behavior_trees import Forest, check, read_text, write
+from codra_dsl.language.behavior_trees import CheckedForest, Forest, TreeFile, check, read_text, write
 from codra_dsl.language.behavior_trees.folders import check_files
 from codra_dsl.language.diagnostics import Severity
 from codra_dsl.runtime import SimClock
@@ -30,8 +30,12 @@ def test_a_text_of_the_field_is_read_drawn_compiled_and_written_back(name: str) 
     assert [problem.rule.name for problem in (*read_problems, *problems)] == rules
     assert {problem.severity for problem in (*read_problems, *problems)} <= {Severity.WARNING}
     assert checked is not None
+    check_that_it_is_written_back_compiled_and_drawn(file, checked)
+
+
+def check_that_it_is_written_back_compiled_and_drawn(file: TreeFile, checked: CheckedForest) -> None:
     written = write(file)
-    again, written_problems = read_text(written.encode(), "tree.xml")
+    again, written_problems = read_text(written.encode(), file.file)
     assert again == file
     assert write(again) == written
     assert written_problems == ()
@@ -56,10 +60,14 @@ def test_a_tree_of_nav2_has_no_error_and_with_the_node_list_no_undeclared_node(n
     tree = folder / "trees" / "tree.xml"
 
     alone = check_files([tree], [], folder / "trees").diagnostics
-    declared = check_files([tree], [folder / "nav2" / "nodes.xml"], folder / "trees").diagnostics
+    declared = check_files([tree], [folder / "nav2" / "nodes.xml"], folder / "trees")
 
     assert {finding.rule.name for finding in alone} == {"undeclared-tree-node"}
-    assert {finding.rule.name for finding in declared} <= {"port-without-value"}
+    assert {finding.rule.name for finding in declared.diagnostics} <= {"port-without-value"}
+    (forest,) = declared.forests
+    checked, _ = check(forest)
+    assert checked is not None
+    check_that_it_is_written_back_compiled_and_drawn(forest.files[0], checked)
 
 
 # Conversion
