@@ -1,0 +1,127 @@
+"""From the operations of an agent to the writes of a commit.
+
+Operations are checked against the graph of the replica on which they are made, by the same rules as in one process.
+Other replicas check only whether the author may write such elements at all, because their graphs can differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge.change_set import ChangeSet
+from codra_dsl.runtime.knowledge.declarations import RT, TASK, KnowledgeModel
+from codra_dsl.runtime.knowledge.elements import Attribute
+from codra_dsl.runtime.knowledge.operations import Operation, Verb
+from codra_dsl.runtime.replication.commits import Register, RegisterKind, Write
+
+_TASK_VERBS = (Verb.REQUEST, Verb.ACKNOWLEDGE, Verb.FINISH, Verb.ABORT)
+
+
+def apply_operations(change_set: ChangeSet, operations: Iterable[Operation]) -> tuple[Write, ...]:
+    """Apply operations of an agent to a change set, and return their writes.
+
+    Raises:
+        ValueError: if an operation is a step of a task, or fails.
+        LookupError: if an operation fails; TypeError, PermissionError and RuntimeError likewise.
+    """
+    return tuple(write for operation in operations for write in _apply(change_set, operation))
+
+
+def initial_operations(model: KnowledgeModel) -> Iterator[Operation]:
+    """Yield the operations that insert the nodes, tasks and edges that a spec declares."""
+    for node in model.nodes:
+        yield Operation(Verb.INSERT_NODE, (node.name, node.type, node.values))
+    for task in model.tasks:
+        yield Operation(Verb.INSERT_NODE, (task.name, TASK, {}))
+    motions = {edge_type.name: edge_type.motion for edge_type in model.edge_types}
+    for edge in model.edges:
+        key = (edge.origin, edge.type, edge.target)
+        if motions[edge.type] is None:
+            yield Operation(Verb.INSERT_EDGE, (*key, edge.values))
+        else:
+            yield Operation(Verb.PLACE, (*key, edge.pose, None))
+            for attribute, value in edge.values.items():
+                yield Operation(Verb.SET_OF_EDGE, (*key, attribute, value, None))
+
+
+def _apply(change_set: ChangeSet, operation: Operation) -> Iterable[Write]:
+    """Apply an operation, and return its writes."""
+    if operation.verb in _TASK_VERBS:
+        raise ValueError(f"{operation.subject!r} is a task: tasks are handed over at one replica, and are never merged")
+    first, *rest = operation.arguments
+    match operation.verb:
+        case Verb.SET:
+            operation.apply(change_set)
+            return [_node_value(change_set, first, *rest)]
+        case Verb.INSERT_NODE:
+            operation.apply(change_set)
+            type_name, values = rest
+            write = Write(Register(RegisterKind.NODE, (first,)), type_name, True, change_set.now_s)
+            return [write, *(_node_value(change_set, first, name, value, None) for name, value in values.items())]
+        case Verb.DELETE_NODE:
+            type_name = change_set.node(first).type
+            operation.apply(change_set)
+            return [Write(Register(RegisterKind.NODE, (first,)), type_name, None, change_set.now_s)]
+    type_name, target, *rest = rest
+    match operation.verb:
+        case Verb.PLACE:
+            operation.apply(change_set)
+            return [_pose_write(change_set, first, type_name, target, *rest)]
+        case Verb.INSERT_EDGE:
+            return _insert_edge(change_set, operation, *rest)
+        case Verb.DELETE_EDGE:
+            operation.apply(change_set)
+            label = change_set.schema.edge_type(type_name).label
+            kind, path = (RegisterKind.POSE, (target,)) if label == RT else (RegisterKind.EDGE, (first, label, target))
+            return [Write(Register(kind, path), type_name, None, change_set.now_s)]
+    operation.apply(change_set)
+    return [_edge_value(change_set, (first, type_name, target), *rest)]
+
+
+def _insert_edge(change_set: ChangeSet, operation: Operation, values: Mapping[str, object]) -> list[Write]:
+    """Insert an edge; if the agent has already inserted it, write only its attributes."""
+    origin, type_name, target, _ = operation.arguments
+    change_count = len(change_set.changed_subjects)
+    operation.apply(change_set)
+    writes = [_edge_value(change_set, (origin, type_name, target), name, value, None) for name, value in values.items()]
+    if len(change_set.changed_subjects) == change_count + len(values):
+        return writes
+    path = (origin, change_set.schema.edge_type(type_name).label, target)
+    return [Write(Register(RegisterKind.EDGE, path), type_name, True, change_set.now_s), *writes]
+
+
+def _pose_write(  # noqa: PLR0917 - the arguments of `place`
+    change_set: ChangeSet, origin: str, type_name: str, target: str, pose: Pose, stamp_s: float | None
+) -> Write:
+    pose, evidence_s = pose.checked(), change_set.now_s if stamp_s is None else float(stamp_s)
+    content = (origin, *map(float, (*pose.translation_m, *pose.rotation)))
+    return Write(Register(RegisterKind.POSE, (target,)), type_name, content, evidence_s)
+
+
+def _node_value(change_set: ChangeSet, name: str, attribute: str, value: object, evidence_s: float | None) -> Write:
+    node = change_set.node(name)
+    register = Register(RegisterKind.NODE_ATTRIBUTE, (name, attribute))
+    return _value(change_set, register, node.type, change_set.schema.attribute(node, attribute), value, evidence_s)
+
+
+def _edge_value(
+    change_set: ChangeSet, key: tuple[str, str, str], attribute: str, value: object, evidence_s: float | None
+) -> Write:
+    edge = change_set.edge(*key)
+    register = Register(RegisterKind.EDGE_ATTRIBUTE, (*edge.key, attribute))
+    declaration = change_set.schema.attribute_of_edge(edge, attribute)
+    return _value(change_set, register, edge.type, declaration, value, evidence_s)
+
+
+def _value(  # noqa: PLR0917 - the fields of a write
+    change_set: ChangeSet,
+    register: Register,
+    type_name: str,
+    attribute: Attribute,
+    value: Any,
+    evidence_s: float | None,
+) -> Write:
+    content = None if value is None else attribute.convert(value)
+    return Write(register, type_name, content, change_set.now_s if evidence_s is None else float(evidence_s))
