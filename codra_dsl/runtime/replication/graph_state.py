@@ -11,20 +11,22 @@ from codra_dsl.runtime.knowledge.declarations import RT
 from codra_dsl.runtime.knowledge.elements import Attribute, Edge, EdgeKey, History, Node
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.state import State
-from codra_dsl.runtime.replication.commits import RegisterKind, pose_of
+from codra_dsl.runtime.replication.commits import Register, RegisterKind, pose_of
 from codra_dsl.runtime.replication.hybrid_time import Stamp
 from codra_dsl.runtime.replication.merge import Entry, MergedState, Presence, presence, winner
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
 
 
-def graph_state(merged: MergedState, schema: GraphSchema, now_s: float) -> State:
-    """Return the graph that a replica has at an instant.
+def graph_state(
+    merged: MergedState, schema: GraphSchema, now_s: float, registers: Iterable[Register] | None = None
+) -> State:
+    """Return the graph that a replica has at an instant; if `registers` are given, only the part that they determine.
 
     An edge exists only together with both of its nodes. An attribute or a pose counts only if it was written after the
     insertion of its node or edge. The graph has the newest value of each attribute and the newest pose of each node,
     without their histories.
     """
-    return _GraphBuilder(merged, schema, now_s).build()
+    return _GraphBuilder(merged, merged.registers if registers is None else registers, schema, now_s).build()
 
 
 def without_cycles(poses: Mapping[str, Entry]) -> dict[str, Entry]:
@@ -46,14 +48,16 @@ def without_cycles(poses: Mapping[str, Entry]) -> dict[str, Entry]:
 class _GraphBuilder:
     """Derives the nodes, edges, poses and attributes of one instant."""
 
-    def __init__(self, merged: MergedState, schema: GraphSchema, now_s: float) -> None:
+    def __init__(self, merged: MergedState, registers: Iterable[Register], schema: GraphSchema, now_s: float) -> None:
         self._schema = schema
         self._now_s = now_s
         self._registers: dict[RegisterKind, dict[tuple[str, ...], tuple[Entry, ...]]] = {
             kind: {} for kind in RegisterKind
         }
-        for register in merged.registers:
-            self._registers[register.kind][register.path] = merged.registers[register]
+        for register in registers:
+            entries = merged.registers.get(register)
+            if entries is not None:
+                self._registers[register.kind][register.path] = entries
         self._nodes: dict[str, Node] = {}
         self._edges: dict[EdgeKey, Edge] = {}
         self._begins: dict[str | EdgeKey, Stamp] = {}  # an attribute counts if it was written later

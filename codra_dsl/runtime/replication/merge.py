@@ -1,15 +1,15 @@
 """The merge of commits into the state of a replica: pure, commutative, associative and idempotent.
 
-P2's agents share one graph (P2, section 3.2), and its outlook is a fleet with a global graph (P2, section 7). Here each
-robot has a replica of the graph. Replicas that have received the same commits, in any order and any number of times,
-have the same graph.
+P2's agents share one graph (P2, section 3.2); for a fleet, P2 names a global graph as future work (P2, section 7). Here
+each robot has a replica of the graph. Replicas that have received the same commits, in any order and any number of
+times, have the same graph.
 
 A state maps each register to the entries that can still matter. To merge is to unite the entries and to remove those
 that are dominated by others. A state does not depend on the present instant: readers apply the validity of values.
 
-A register for the existence of a node or edge keeps all insertions and deletions, because the order of all of them
-decides (`presence`). The other registers keep of the entries by writers of equal rank the one with the newest evidence.
-They also keep an entry with older evidence if it was written later: it counts when the node is deleted and inserted
+The register of a node or edge keeps all insertions and deletions, because the order of all of them decides whether it
+exists (`presence`). Of the entries of equally ranked writers, the other registers keep the one with the newest
+evidence, and entries with older evidence that were written later: these count if the node was deleted and inserted
 again between the two writes.
 
 Once all replicas have received all writes up to an instant, these writes are compacted, and deletions among them are
@@ -18,7 +18,7 @@ forgotten.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -101,15 +101,20 @@ def join(left: MergedState, right: MergedState) -> MergedState:
     registers = {*right.registers, *(left.registers if right.stable > BEFORE_ALL else ())}
     for register in registers:
         ours, theirs = left.registers.get(register) or (), right.registers.get(register) or ()
-        kept = {entry.stamp: entry for entry in (*_without_compacted(ours, theirs, right.stable), *theirs)}
-        kept = {entry.stamp: entry for entry in _without_compacted(tuple(kept.values()), ours, left.stable)}
-        changes[register] = undominated(register.kind, kept.values()) or None
+        kept = (*_uncompacted(ours, theirs, right.stable), *_uncompacted(theirs, ours, left.stable))
+        changes[register] = undominated(register.kind, {entry.stamp: entry for entry in kept}.values()) or None
     return MergedState(left.registers.with_changes(changes), max(left.stable, right.stable))
 
 
-def _without_compacted(entries: Iterable[Entry], others: Iterable[Entry], stable: HybridTime) -> Iterable[Entry]:
-    """Return entries, without those that another replica has compacted: it has received them, but keeps them not."""
-    kept_stamps = {entry.stamp for entry in others}
+def _uncompacted(entries: Iterable[Entry], other_entries: Iterable[Entry], stable: HybridTime) -> Iterable[Entry]:
+    """Return entries without those that another replica has received and compacted.
+
+    Args:
+        entries: the entries of a register.
+        other_entries: the entries that the other replica keeps in the same register.
+        stable: the stable instant of the other replica.
+    """
+    kept_stamps = {entry.stamp for entry in other_entries}
     return [entry for entry in entries if entry.stamp.time > stable or entry.stamp in kept_stamps]
 
 
@@ -190,8 +195,8 @@ def compact(state: MergedState, stable: HybridTime) -> MergedState:
     changes: dict[Register, tuple[Entry, ...] | None] = {}
     for register in sorted(state.registers, key=_compaction_order):
         entries = state.registers[register]
-        old_entries, new_entries = entries[: _count(entries, stable)], entries[_count(entries, stable) :]
-        kept_entries = (*_essential_entries(register, old_entries, presences), *new_entries)
+        count = sum(entry.stamp.time <= stable for entry in entries)
+        kept_entries = (*_essential_entries(register, entries[:count], presences), *entries[count:])
         if len(kept_entries) < len(entries):
             changes[register] = kept_entries or None
     return MergedState(state.registers.with_changes(changes), stable)
@@ -234,11 +239,6 @@ def _owner_paths(register: Register) -> list[tuple[str, ...]]:
 def _compaction_order(register: Register) -> int:
     """Return an order in which nodes come first, and edges before their attributes."""
     return {RegisterKind.NODE: 0, RegisterKind.EDGE: 1}.get(register.kind, 2)
-
-
-def _count(entries: Sequence[Entry], stable: HybridTime) -> int:
-    """Return the number of entries up to an instant."""
-    return sum(entry.stamp.time <= stable for entry in entries)
 
 
 def _sorted(entries: Iterable[Entry]) -> tuple[Entry, ...]:

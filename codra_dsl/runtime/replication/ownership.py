@@ -6,7 +6,6 @@ The check uses only the spec and the commit, never the present graph. So all rep
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 from codra_dsl.runtime.knowledge.declarations import RT
 from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Attribute, Node
@@ -31,17 +30,12 @@ def entries_of(schema: GraphSchema, commit: Commit) -> tuple[tuple[Register, Ent
     """
     if commit.author == GRAPH_WRITER:
         raise PermissionError("a commit needs an author: only the initial graph has none")
-    return initial_entries(schema, ((write, commit.stamp(position)) for position, write in enumerate(commit.writes)))
+    stamped_writes = ((write, commit.stamp(position)) for position, write in enumerate(commit.writes))
+    return tuple((write.register, entry_of(schema, write, stamp)) for write, stamp in stamped_writes)
 
 
-def initial_entries(
-    schema: GraphSchema, stamped_writes: Iterable[tuple[Write, Stamp]]
-) -> tuple[tuple[Register, Entry], ...]:
-    """Return the entries of writes, also of the initial graph, which has no author; see `entries_of`."""
-    return tuple((write.register, _entry(schema, write, stamp)) for write, stamp in stamped_writes)
-
-
-def _entry(schema: GraphSchema, write: Write, stamp: Stamp) -> Entry:
+def entry_of(schema: GraphSchema, write: Write, stamp: Stamp) -> Entry:
+    """Return the entry of one write; this raises the errors of `entries_of`. The initial graph has no author."""
     if not -math.inf < write.evidence_s <= stamp.physical_s:
         raise ValueError(f"the evidence for {write.register.path} is not finite, or newer than its commit")
     permissions = _permissions(schema, write)

@@ -28,9 +28,10 @@ from codra_dsl.runtime.replication.hybrid_time import HybridClock, HybridTime, S
 from codra_dsl.runtime.replication.merge import Entry, MergedState, compact, join, merge
 from codra_dsl.runtime.replication.messages import Commits, Digest, Message, NewMembers, Promise, StateSnapshot, decode
 from codra_dsl.runtime.replication.operation_journal import OperationJournal
-from codra_dsl.runtime.replication.ownership import entries_of, initial_entries
+from codra_dsl.runtime.replication.ownership import entries_of, entry_of
+from codra_dsl.runtime.replication.register_index import RegisterIndex
 from codra_dsl.runtime.replication.stability import Stability
-from codra_dsl.runtime.replication.transactions import apply_operations, initial_operations
+from codra_dsl.runtime.replication.transactions import apply_operations, initial_operations, nodes_of
 
 EXCHANGE_PERIOD_S = 0.5
 """How often a replica sends a digest to each other replica."""
@@ -80,7 +81,8 @@ class Replica:
         Args:
             name: the name of the replica.
             model: the declarations of the spec, the same for all replicas.
-            clock: real or simulated time. The clocks of all replicas may differ by at most `MAX_DRIFT_S`.
+            clock: real or simulated time. Its instants must mean the same on all machines and after a restart; the
+                clocks may differ by at most `MAX_DRIFT_S`.
             journal: where the replica stores its commits and those that it receives.
             send: sends messages.
             others: for a founder, all other founders; for a replica that joins, some members.
@@ -101,9 +103,10 @@ class Replica:
         self._log = CommitLog()
         self._stability = Stability(name, others)
         self._initial_entries = self._make_initial_entries(created_s)
-        self._initial_stamps = {(register, entry.stamp): entry for register, entry in self._initial_entries}
-        self._merged = merge(MergedState(), self._initial_entries)
-        self._graph: tuple[MergedState, float, State] | None = None
+        self._merged = merge(MergedState(), self._initial_entries.values())
+        self._index = RegisterIndex()
+        self._index.add(self._merged.registers)
+        self._snapshot: tuple[MergedState, Snapshot] | None = None
         self._has_joined = not joins
         self._journal_line_count = self._recover()
         self._timer = clock.call_at(clock.now_s(), self._exchange)
@@ -133,7 +136,9 @@ class Replica:
         if agent not in self._schema.agents:
             raise unknown_name_error("agent", agent, self._schema.agents)
         time = self._time.tick()
-        change_set = ChangeSet(self._schema, self._state(time.physical_s), time.physical_s, agent)
+        registers = self._index.registers_of(self._merged, nodes_of(operations))
+        state = graph_state(self._merged, self._schema, time.physical_s, registers)
+        change_set = ChangeSet(self._schema, state, time.physical_s, agent)
         try:
             writes = apply_operations(change_set, operations)
         except PermissionError as error:
@@ -150,7 +155,10 @@ class Replica:
     def snapshot(self) -> Snapshot:
         """Return the present graph as far as this replica knows it."""
         now_s = self._clock.now_s()
-        return Snapshot(self._schema, self._state(now_s), now_s)
+        if self._snapshot is None or self._snapshot[0] is not self._merged or self._snapshot[1].instant_s != now_s:
+            state = graph_state(self._merged, self._schema, now_s)
+            self._snapshot = (self._merged, Snapshot(self._schema, state, now_s))
+        return self._snapshot[1]
 
     def receive(self, message: bytes) -> None:
         """Receive a message of another replica. A malformed message is refused."""
@@ -176,7 +184,7 @@ class Replica:
     def _exchange(self) -> None:
         """Send a digest to all other replicas, and compact what has become stable."""
         self._timer = self._clock.call_at(self._clock.now_s() + EXCHANGE_PERIOD_S, self._exchange)
-        if self._has_joined and not self._log.is_empty:
+        if self._has_joined and (not self._log.is_empty or self._stability.promise <= self._merged.stable):
             self._store(Promise(instant=self._time.tick()))
         stable = self._stability.stable()
         if self._has_joined and stable > self._merged.stable:
@@ -193,6 +201,8 @@ class Replica:
 
     def _answer(self, digest: Digest) -> None:
         """Take note of a digest, and send what its sender lacks."""
+        if digest.sender == self.name:
+            return
         new_members = {digest.sender, *digest.members} - self._stability.members
         if new_members:
             self._store(NewMembers(names=tuple(sorted(new_members))))
@@ -211,14 +221,15 @@ class Replica:
     def _receive_commit(self, commit: Commit) -> None:
         if commit in self._log:
             return
-        is_foreign_number = commit.replica == self.name
-        if is_foreign_number or commit.replica not in self._stability.members or not self._time.admits(commit.time):
+        other_members = self._stability.members - {self.name}  # own commits come from the journal alone
+        if commit.replica not in other_members or not self._time.admits(commit.time):
             self.postponed_count += 1
             return
         self._store(Commits(commits=(commit,)))
 
     def _compact(self, stable: HybridTime) -> None:
         self._merged = compact(self._merged, stable)
+        self._index.replace(self._merged.registers)
         self._log.prune(stable)
         if self._journal_line_count > _MAX_JOURNAL_LINES:
             lines = (self._state_snapshot().encode(), Promise(instant=self._stability.promise).encode())
@@ -276,6 +287,7 @@ class Replica:
             return
         self._time.receive(commit.time)
         self._merged = merge(self._merged, entries)
+        self._index.add(register for register, _ in entries)
 
     def _adopt(self, snapshot: StateSnapshot) -> None:
         """Merge the state of another replica, or an own earlier one, into the state of this replica."""
@@ -287,6 +299,7 @@ class Replica:
                 self._refuse(stamp.author, error)
         received = merge(MergedState(), entries)
         self._merged = join(self._merged, MergedState(received.registers, snapshot.stable))
+        self._index.replace(self._merged.registers)
         self._log.adopt(snapshot.vector, snapshot.pruned, snapshot.commits)
         self._stability.members.update(snapshot.members)
         self._time.receive(snapshot.time)
@@ -294,8 +307,8 @@ class Replica:
 
     def _entry_of(self, write: Write, stamp: Stamp) -> tuple[Register, Entry]:
         if stamp.author == GRAPH_WRITER:
-            return write.register, self._initial_stamps[write.register, stamp]
-        return initial_entries(self._schema, [(write, stamp)])[0]
+            return self._initial_entries[stamp]
+        return write.register, entry_of(self._schema, write, stamp)
 
     def _state_snapshot(self) -> StateSnapshot:
         writes = (
@@ -313,17 +326,15 @@ class Replica:
             commits=tuple(self._log.kept_commits()),
         )
 
-    def _state(self, now_s: float) -> State:
-        """Return the graph at an instant; the latest result is kept."""
-        if self._graph is None or self._graph[0] is not self._merged or self._graph[1] != now_s:
-            self._graph = (self._merged, now_s, graph_state(self._merged, self._schema, now_s))
-        return self._graph[2]
-
-    def _make_initial_entries(self, created_s: float) -> tuple[tuple[Register, Entry], ...]:
+    def _make_initial_entries(self, created_s: float) -> dict[Stamp, tuple[Register, Entry]]:
+        """Return the entries of the initial graph, by their stamps, which are the same on all replicas."""
         change_set = ChangeSet(self._schema, State.empty(created_s), created_s, GRAPH_WRITER)
         writes = apply_operations(change_set, initial_operations(self._schema.model))
-        stamps = (Stamp(created_s, 0, GRAPH_WRITER, "", position) for position in range(len(writes)))
-        return initial_entries(self._schema, zip(writes, stamps, strict=True))
+        stamps = [Stamp(created_s, 0, GRAPH_WRITER, "", position) for position in range(len(writes))]
+        return {
+            stamp: (write.register, entry_of(self._schema, write, stamp))
+            for write, stamp in zip(writes, stamps, strict=True)
+        }
 
     def _refuse(self, author: str, error: Exception) -> None:
         self.audit.add(Refusal(instant_s=self._clock.now_s(), agent=author, why=str(error)))

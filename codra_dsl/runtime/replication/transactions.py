@@ -16,6 +16,7 @@ from codra_dsl.runtime.knowledge.elements import Attribute
 from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.replication.commits import Register, RegisterKind, Write
 
+_EDGE_VERBS = (Verb.INSERT_EDGE, Verb.DELETE_EDGE, Verb.SET_OF_EDGE, Verb.PLACE)
 _TASK_VERBS = (Verb.REQUEST, Verb.ACKNOWLEDGE, Verb.FINISH, Verb.ABORT)
 
 
@@ -27,6 +28,14 @@ def apply_operations(change_set: ChangeSet, operations: Iterable[Operation]) -> 
         LookupError: if an operation fails; TypeError, PermissionError and RuntimeError likewise.
     """
     return tuple(write for operation in operations for write in _apply(change_set, operation))
+
+
+def nodes_of(operations: Iterable[Operation]) -> Iterator[str]:
+    """Yield the names of the nodes that operations read or write."""
+    for verb, arguments in operations:
+        yield str(arguments[0])
+        if verb in _EDGE_VERBS:
+            yield str(arguments[2])
 
 
 def initial_operations(model: KnowledgeModel) -> Iterator[Operation]:

@@ -15,6 +15,7 @@ from typing import Any
 from codra_dsl.runtime.clock import SimClock, Timer
 from codra_dsl.runtime.geometry import Motion, Pose
 from codra_dsl.runtime.knowledge import KnowledgeModel, Snapshot, Writer
+from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.declarations import (
     AgentModel,
     AttributeModel,
@@ -32,6 +33,7 @@ from codra_dsl.runtime.remote.fake_network import FakeNetwork, Faults
 from codra_dsl.runtime.replication import Commit, Replica
 from codra_dsl.runtime.replication.graph_state import graph_state
 from codra_dsl.runtime.replication.messages import Commits, decode
+from codra_dsl.runtime.replication.transactions import apply_operations
 from codra_dsl.runtime.values.model import integer, real
 from tests.runtime.remote.skewed_clock import SkewedClock
 from tests.runtime.replication.expected_graph import Graph, expected_graph, is_permitted
@@ -345,10 +347,15 @@ class Fleet:
         snapshot = replica.snapshot()
         count = self._random.choice((1, 1, 1, 3))
         operations = [self._operation(member.agent, snapshot) for _ in range(count)]
+        expected = _writes_on_whole_graph(member, replica, operations)
         try:
             commit = replica.write(member.agent, operations)
-        except OPERATION_ERRORS:
-            return
+        except OPERATION_ERRORS as error:
+            commit, written = None, type(error)
+        else:
+            written = (commit and commit.writes) or ()
+        if written != expected:
+            self.failures.append(f"{member.name} wrote {written} by {operations}, and not {expected}")
         if commit is None:
             return
         self.commits[commit.replica, commit.number] = commit
@@ -415,6 +422,16 @@ class Fleet:
                     self.failures.append(f"{name} at {instant_s} s has\n{graph}\nand not\n{expected}")
         if self.foreign_count and not all(replica.audit.total_count for replica in self.honest_replicas.values()):
             self.failures.append("a foreign commit was not counted")
+
+
+def _writes_on_whole_graph(member: Member, replica: Replica, operations: list[Operation]) -> object:
+    """Return the writes of operations, or the type of their error, if the whole graph is known to the check."""
+    schema, now_s = GraphSchema(member.model), max(replica._clock.now_s(), replica._time.latest.physical_s)
+    change_set = ChangeSet(schema, graph_state(replica._merged, schema, now_s), now_s, member.agent)
+    try:
+        return apply_operations(change_set, operations)
+    except OPERATION_ERRORS as error:
+        return type(error)
 
 
 def _vector(replica: Replica) -> dict[str, int]:

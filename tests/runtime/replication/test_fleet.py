@@ -25,7 +25,7 @@ MAX_RUNS_TO_FIND = 40
 BEGINNING = Stamp(-math.inf, 0, "", "", 0)
 
 original_presence, original_join, original_undominated = merge.presence, merge.join, merge.undominated
-original_entry, original_without_cycles = ownership._entry, graph_state.without_cycles
+original_entry, original_without_cycles = ownership.entry_of, graph_state.without_cycles
 
 
 def test_all_replicas_have_the_same_graph_in_the_end(capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,7 +117,7 @@ def merge_and_forget(state: MergedState, entries: Iterable[tuple[Register, Entry
 
 WRONG_RULES: Mapping[str, Sequence[tuple[Any, str, Callable[..., Any]]]] = {
     "the value that arrives last wins": [(merge, "join", keep_last_arrival)],
-    "the rank of writers does not count": [(ownership, "_entry", entry_without_rank)],
+    "the rank of writers does not count": [(ownership, "entry_of", entry_without_rank)],
     "the newest clock wins over newer evidence": [(merge, "dominates", dominates_by_clock)],
     "older evidence never counts again": [(merge, "dominates", dominates_by_evidence)],
     "equal clocks are not ordered by author": [(merge, "undominated", keep_first_of_equal_clocks)],

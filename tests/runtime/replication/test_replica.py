@@ -278,6 +278,23 @@ def test_deletions_are_forgotten_once_all_replicas_have_them(robots: Robots) -> 
         assert replica._log.is_empty
 
 
+def test_a_replica_that_joins_after_compaction_does_not_stop_the_others_from_forgetting(robots: Robots) -> None:
+    one, two = robots.replicas.values()
+    robots.settle()
+    robots.cut_off = {"two"}
+    one.write(FIRST, set_level(4))
+    robots.clock.sleep(0.1)
+    robots.cut_off = set()
+    robots.clock.sleep(1.2)
+    three = robots.add("three", "two", joins=True)  # the others know it before all of them have pruned their commits
+    robots.settle()
+
+    for replica in (one, two, three):
+        assert replica._log.is_empty
+        assert level(replica) == 4
+        assert replica._stability.promise > replica._merged.stable
+
+
 def test_a_foreign_write_is_refused_by_all_replicas_and_counted(robots: Robots) -> None:
     rogue = robots.add("rogue", "one", rules=model(by("rogue")), joins=True)
     robots.settle()
