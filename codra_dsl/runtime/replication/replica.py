@@ -36,9 +36,12 @@ from codra_dsl.runtime.replication.transactions import apply_operations, initial
 EXCHANGE_PERIOD_S = 0.5
 """How often a replica sends a digest to each other replica."""
 
+COMPACTION_PERIOD_S = 10.0
+"""The default minimum time between compactions."""
+
 _MAX_COMMITS_IN_MESSAGE = 100
 _MAX_JOURNAL_LINES = 1_000
-"""A journal with more lines is replaced by a snapshot when writes become stable."""
+"""A journal with more lines is replaced by a snapshot after a compaction."""
 
 _REFUSALS = (ArithmeticError, LookupError, PermissionError, TypeError, ValueError)
 """What the check of a foreign or malformed write raises."""
@@ -75,6 +78,7 @@ class Replica:
         others: Iterable[str],
         joins: bool = False,
         created_s: float = 0.0,
+        compaction_period_s: float = COMPACTION_PERIOD_S,
     ) -> None:
         """Create a replica, or recover it from its journal.
 
@@ -88,6 +92,7 @@ class Replica:
             others: for a founder, all other founders; for a replica that joins, some members.
             joins: whether the replica joins a graph that exists already.
             created_s: when the graph was created, the same for all replicas; no clock may show an earlier instant.
+            compaction_period_s: the minimum time between compactions, each of which reads all registers.
 
         Raises:
             ValueError: if the journal is damaged.
@@ -109,6 +114,8 @@ class Replica:
         self._snapshot: tuple[MergedState, Snapshot] | None = None
         self._has_joined = not joins
         self._journal_line_count = self._recover()
+        self._compaction_period_s = compaction_period_s
+        self._next_compaction_s = clock.now_s()
         self._timer = clock.call_at(clock.now_s(), self._exchange)
 
     @property
@@ -186,9 +193,8 @@ class Replica:
         self._timer = self._clock.call_at(self._clock.now_s() + EXCHANGE_PERIOD_S, self._exchange)
         if self._has_joined and (not self._log.is_empty or self._stability.promise <= self._merged.stable):
             self._store(Promise(instant=self._time.tick()))
-        stable = self._stability.stable()
-        if self._has_joined and stable > self._merged.stable:
-            self._compact(stable)
+        if self._has_joined:
+            self._forget(self._stability.stable())
         digest = Digest(
             sender=self.name,
             vector=dict(sorted(self._log.vector.items())),
@@ -227,10 +233,15 @@ class Replica:
             return
         self._store(Commits(commits=(commit,)))
 
-    def _compact(self, stable: HybridTime) -> None:
+    def _forget(self, stable: HybridTime) -> None:
+        """Forget the commits up to an instant that all replicas have received, and from time to time compact."""
+        self._log.prune(stable)
+        now_s = self._clock.now_s()
+        if stable <= self._merged.stable or now_s < self._next_compaction_s:
+            return
+        self._next_compaction_s = now_s + self._compaction_period_s
         self._merged = compact(self._merged, stable)
         self._index.replace(self._merged.registers)
-        self._log.prune(stable)
         if self._journal_line_count > _MAX_JOURNAL_LINES:
             lines = (self._state_snapshot().encode(), Promise(instant=self._stability.promise).encode())
             self._journal.replace(lines)

@@ -32,6 +32,7 @@ from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.remote.fake_network import FakeNetwork, Faults
 from codra_dsl.runtime.replication import Commit, Replica
 from codra_dsl.runtime.replication.graph_state import graph_state
+from codra_dsl.runtime.replication.hybrid_time import BEFORE_ALL
 from codra_dsl.runtime.replication.messages import Commits, decode
 from codra_dsl.runtime.replication.transactions import apply_operations
 from codra_dsl.runtime.values.model import integer, real
@@ -184,6 +185,7 @@ class Fleet:
         self._networks: dict[frozenset[str], FakeNetwork] = {}
         self._members: dict[str, Member] = {}
         self._is_active = True
+        self._compaction_period_s = random.choice((0.0, 0.0, 1.0, 10.0))
         self._last_verbs = random.choice(LAST_VERBS)
         self.rogue = f"robot_{count - 1}" if count > 2 and random.random() < 0.25 else ""
         names = [f"robot_{number}" for number in range(count)]
@@ -218,7 +220,9 @@ class Fleet:
             network.is_cut = False
         self._settle(lambda replicas: all(_vector(replica) == _vector(replicas[0]) for replica in replicas))
         self._compare_graphs()
+        last_time = max(commit.time for commit in self.commits.values()) if self.commits else BEFORE_ALL
         self._settle(lambda replicas: all(replica._log.is_empty for replica in replicas))
+        self._settle(lambda replicas: all(replica._merged.stable >= last_time for replica in replicas))
         self._compare_graphs()
         self._compare_registers()
         for member in self._members.values():
@@ -269,6 +273,7 @@ class Fleet:
             send=lambda receiver, message: self._send(member.name, receiver, message),
             others=member.others,
             joins=member.joins,
+            compaction_period_s=self._compaction_period_s,
         )
         member.journal.crashes = crashes
 
