@@ -6,7 +6,7 @@ Other replicas check only whether the author may write such elements at all, bec
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from codra_dsl.runtime.geometry import Pose
@@ -57,48 +57,38 @@ def initial_operations(model: KnowledgeModel) -> Iterator[Operation]:
 
 def _apply(change_set: ChangeSet, operation: Operation) -> Iterable[Write]:
     """Apply an operation, and return its writes."""
-    if operation.verb in _TASK_VERBS:
+    verb, (first, *rest) = operation
+    if verb in _TASK_VERBS:
         raise ValueError(f"{operation.subject!r} is a task: tasks are handed over at one replica, and are never merged")
-    first, *rest = operation.arguments
-    match operation.verb:
-        case Verb.SET:
-            operation.apply(change_set)
-            return [_node_value(change_set, first, *rest)]
-        case Verb.INSERT_NODE:
-            operation.apply(change_set)
-            type_name, values = rest
-            write = Write(Register(RegisterKind.NODE, (first,)), type_name, True, change_set.now_s)
-            return [write, *(_node_value(change_set, first, name, value, None) for name, value in values.items())]
-        case Verb.DELETE_NODE:
-            type_name = change_set.node(first).type
-            operation.apply(change_set)
-            return [Write(Register(RegisterKind.NODE, (first,)), type_name, None, change_set.now_s)]
-    type_name, target, *rest = rest
-    match operation.verb:
-        case Verb.PLACE:
-            operation.apply(change_set)
-            return [_pose_write(change_set, first, type_name, target, *rest)]
-        case Verb.INSERT_EDGE:
-            return _insert_edge(change_set, operation, *rest)
-        case Verb.DELETE_EDGE:
-            operation.apply(change_set)
-            label = change_set.schema.edge_type(type_name).label
-            kind, path = (RegisterKind.POSE, (target,)) if label == RT else (RegisterKind.EDGE, (first, label, target))
-            return [Write(Register(kind, path), type_name, None, change_set.now_s)]
-    operation.apply(change_set)
-    return [_edge_value(change_set, (first, type_name, target), *rest)]
-
-
-def _insert_edge(change_set: ChangeSet, operation: Operation, values: Mapping[str, object]) -> list[Write]:
-    """Insert an edge; if the agent has already inserted it, write only its attributes."""
-    origin, type_name, target, _ = operation.arguments
+    deleted_type = change_set.node(first).type if verb is Verb.DELETE_NODE else ""
     change_count = len(change_set.changed_subjects)
     operation.apply(change_set)
-    writes = [_edge_value(change_set, (origin, type_name, target), name, value, None) for name, value in values.items()]
-    if len(change_set.changed_subjects) == change_count + len(values):
-        return writes
-    path = (origin, change_set.schema.edge_type(type_name).label, target)
-    return [Write(Register(RegisterKind.EDGE, path), type_name, True, change_set.now_s), *writes]
+    now_s = change_set.now_s
+    match verb:
+        case Verb.SET:
+            return [_node_value(change_set, first, *rest)]
+        case Verb.INSERT_NODE:
+            type_name, values = rest
+            attribute_writes = [_node_value(change_set, first, name, value, None) for name, value in values.items()]
+            return [Write(Register(RegisterKind.NODE, (first,)), type_name, True, now_s), *attribute_writes]
+        case Verb.DELETE_NODE:
+            return [Write(Register(RegisterKind.NODE, (first,)), deleted_type, None, now_s)]
+    type_name, target, *rest = rest
+    key, label = (first, type_name, target), change_set.schema.edge_type(type_name).label
+    edge_register = Register(RegisterKind.EDGE, (first, label, target))
+    match verb:
+        case Verb.INSERT_EDGE:
+            (values,) = rest
+            attribute_writes = [_edge_value(change_set, key, name, value, None) for name, value in values.items()]
+            if len(change_set.changed_subjects) == change_count + len(values):
+                return attribute_writes  # the agent has already inserted this edge
+            return [Write(edge_register, type_name, True, now_s), *attribute_writes]
+        case Verb.DELETE_EDGE:
+            register = Register(RegisterKind.POSE, (target,)) if label == RT else edge_register
+            return [Write(register, type_name, None, now_s)]
+        case Verb.PLACE:
+            return [_pose_write(change_set, *key, *rest)]
+    return [_edge_value(change_set, key, *rest)]
 
 
 def _pose_write(  # noqa: PLR0917 - the arguments of `place`
