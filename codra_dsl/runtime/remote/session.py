@@ -308,7 +308,8 @@ class Session:
         if digest != own_digest:
             self._codra.hosts.refuse(host, "it has another version of the spec than the manager")
             raise ValueError(
-                f"host {host!r} has another version of the spec than the manager: compile both from the same files"
+                f"host {host!r} has another version of the spec than the manager: "
+                "compile both from the same files, with the same --site"
             )
         if self._host:
             raise ValueError(f"this session is host {self._host!r} already")

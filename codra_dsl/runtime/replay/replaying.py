@@ -24,7 +24,7 @@ from codra_dsl.runtime.replay.undetermined import Undetermined
 from codra_dsl.runtime.replay.what_if import MAX_STEPS_BETWEEN_INPUTS, WhatIf
 
 _ROUNDING_S = 1e-9
-"""Instants of simulated time that differ by less are the same. In real time, no step is so close to an input."""
+"""Instants of simulated time that differ by less are the same."""
 
 _WITHIN_INSTANT = frozenset({"delivered", "evidence", "late", "unstarted", "waited"})
 """Inputs that may come, in simulated time, before other steps of their instant."""
@@ -198,10 +198,11 @@ def _is_step_before(event: Event, player: Player, last_step: int, passed_s: floa
             raise DivergedError
         return is_same or not _ends_job_before_next_step(event, player)
     if due_s > instant_s or clock.step_count < last_step:
-        return due_s <= instant_s
+        return due_s <= instant_s and (is_same or not _ends_job_before_next_step(event, player))
     if due_s < instant_s - PUNCTUALITY_TOLERANCE_S:
         return event.what != "late" and not player.recording.is_late(event.details["step"], due_s)
-    is_at_same_instant = instant_s > passed_s and due_s >= instant_s - _ROUNDING_S
+    # Seconds since 1970, as in real time, are too coarse: a step and an input with the same number differ by chance.
+    is_at_same_instant = math.ulp(instant_s) < _ROUNDING_S and instant_s > passed_s and due_s >= instant_s - _ROUNDING_S
     may_be_before = not is_same and event.what not in _WITHIN_INSTANT
     return is_at_same_instant and may_be_before and clock.is_next_event_before(instant_s)
 

@@ -6,6 +6,7 @@ Drawings are embedded as images and not as SVG elements, so that names in differ
 from __future__ import annotations
 
 import base64
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -162,10 +163,11 @@ def _table(table: Table) -> _ShownTable:
         [row[column] for row in shown_rows if row[column] not in _ABSENT_CELLS] for column in range(len(table.header))
     ]
     is_numeric_by_column = [bool(cells) and all(map(_is_number, cells)) for cells in cells_by_column]
+    decimals_by_column = [max(map(_decimals, cells), default=0) for cells in cells_by_column]
     rows = [
         [
             _ShownCell(
-                text=_cell_text(cell),
+                text=_cell_text(cell, decimals_by_column[column]),
                 is_number=is_numeric_by_column[column],
                 is_marked=(row_index, column) in table.marked,
             )
@@ -193,12 +195,20 @@ def _is_number(cell: Cell) -> bool:
     return cell is not None and not isinstance(cell, bool)
 
 
-def _cell_text(cell: Cell) -> str:
+def _decimals(cell: Cell) -> int:
+    """Return the number of decimals of a number."""
+    return len(str(cell).partition(".")[2]) if isinstance(cell, float) and math.isfinite(cell) else 0
+
+
+def _cell_text(cell: Cell, decimals: int) -> str:
+    """Return the text of a cell. All decimal numbers of a column have the same number of decimals."""
     match cell:
         case None:
             return "\u2013"
         case bool():
             return "yes" if cell else "no"
+        case float():
+            return f"{cell:.{decimals}f}"
         case _:
             return str(cell)
 

@@ -38,7 +38,7 @@ class WithoutConditions:
 
     def __str__(self) -> str:
         """Return the description of the edit for a report."""
-        pause = f", {self.pause_s} s between two jobs of the vision slot" if self.pause_s else ""
+        pause = f", {self.pause_s} s between two jobs of the same algorithm" if self.pause_s else ""
         return f"no conditions{pause}"
 
     def __call__(self, spec: Spec) -> Spec:

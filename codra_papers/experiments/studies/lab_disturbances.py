@@ -305,7 +305,7 @@ def _sections(place: Place, beliefs: Sequence[Belief], outcomes: Sequence[Outcom
     yield Section(title=f"{title}: arms", parts=(arms_table(place.arms),))
     for episode in episodes(place.machine):
         yield _section(f"{title}: {episode.name}", episode, [belief for belief in beliefs if belief.episode == episode])
-    caption = "The true value and the value of each arm. The background is red while the value is wrong."
+    caption = "The true value and the value of each arm. The background is coloured while the value is wrong."
     parts = tuple(drawings.timeline(outcomes[0], name, caption) for name in (place.watched[0], place.watched[-1]))
     yield Section(title=f"{title}: one run over time", parts=parts)
 

@@ -221,7 +221,7 @@ def _intervals_section(findings: _Findings) -> Section:
 def _timeline_section(runs: Runs) -> Section:
     caption = (
         "The true value and the value that each arm held over one run, as in P1's Figure 6. The background is "
-        "red while the value is wrong."
+        "coloured while the value is wrong."
     )
     return Section(
         title="One run over time",

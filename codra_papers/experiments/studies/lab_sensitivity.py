@@ -239,7 +239,7 @@ def _summary(findings: _Findings) -> Iterator[str]:
         )
     for kind, estimates in (
         ("laboratories", _laboratory_advantages(findings)),
-        ("numbers of the spec", _number_advantages(findings)),
+        ("changes of the spec's numbers", _number_advantages(findings)),
     ):
         vanished_texts = [f"{name} ({interval(estimate)})" for name, estimate in estimates if not estimate.is_positive]
         yield (

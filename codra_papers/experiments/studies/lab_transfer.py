@@ -128,7 +128,7 @@ def _sections(outcomes: Sequence[Outcome], comparisons: Mapping[str, Sequence[Ar
     for machine in _MACHINES:
         parts = (*arm_comparison_tables(comparisons[machine], caption.format(machine)), _variables(outcomes, machine))
         yield Section(title=f"The {machine}", parts=parts)
-    caption = "The true value and the value that each arm held. The background is red while the value is wrong."
+    caption = "The true value and the value that each arm held. The background is coloured while the value is wrong."
     yield Section(
         title="One run over time", parts=(drawings.timeline(outcomes[0], f"{THIRD_MACHINE.name}_open", caption),)
     )

@@ -217,7 +217,8 @@ def test_results_of_a_job_that_was_ended_count_no_more() -> None:
         ({"host": ARM}, "host 'arm_pc' is connected already: only one program can be this host"),
         (
             {"host": ARM, "digest": "sha256:other"},
-            "host 'arm_pc' has another version of the spec than the manager: compile both from the same files",
+            "host 'arm_pc' has another version of the spec than the manager: "
+            "compile both from the same files, with the same --site",
         ),
     ],
 )

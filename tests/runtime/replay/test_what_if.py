@@ -210,6 +210,20 @@ def test_a_claim_without_an_assumption_is_what_the_changed_package_does(
     names={"near_valid_s"},
     seed=0,
 )
+@example(  # the changed package has made fewer steps than the run when a result and a tick come at the same instant
+    before=Thresholds(
+        near=0,
+        open=0,
+        near_valid_s=0.4,
+        open_valid_s=0.5,
+        light_valid_s=2.0,
+        period_s=0.3,
+        timeout_s=0.2,
+    ),
+    changed=Thresholds(),
+    names={"open_valid_s"},
+    seed=800,
+)
 @given_examples(
     before=THRESHOLDS,
     changed=THRESHOLDS,

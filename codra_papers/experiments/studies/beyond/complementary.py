@@ -140,14 +140,21 @@ def _cells(finding: Knowledge) -> Iterator[Cell]:
 def knowledge_sentence(findings: Sequence[Knowledge], situation: str) -> str:
     """Return a sentence about one situation that compares the arms with alternatives with those without them."""
     shares = {finding.arm: finding.seconds.strict_share for finding in findings if finding.situation == situation}
+    paired_arms = {arm for pair in WITHOUT_ALTERNATIVES.items() for arm in pair}
     texts = [
-        f"{ratio(shares[finding.arm])} of the time with '{finding.arm}' and {ratio(shares[other_arm])} with "
-        f"'{other_arm}', difference {interval(finding.more_right)}"
+        f"{_share_text(shares[finding.arm])} of the time with '{finding.arm}' and {_share_text(shares[other_arm])} "
+        f"with '{other_arm}', difference {interval(finding.more_right)}"
         for finding in findings
         if finding.situation == situation and finding.more_right is not None
         for other_arm in [WITHOUT_ALTERNATIVES[finding.arm]]
     ]
+    texts += [f"{_share_text(share)} with '{arm}'" for arm, share in shares.items() if arm not in paired_arms]
     return f"{situation}: {label(VARIABLE)} is right for {'; '.join(texts)}."
+
+
+def _share_text(share: Share) -> str:
+    value = ratio(share)
+    return "none" if value is None else f"{value:.3f}"
 
 
 def knowledge_as_data(findings: Sequence[Knowledge]) -> Sequence[Mapping[str, Any]]:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from io import StringIO
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from codra_papers.experiments.campaign.document import Drawing
+from codra_papers.experiments.campaign.figures import figure_style, svg_of
 from codra_papers.experiments.campaign.statistics import Estimate
 
 _COLOURS = ("#d1352b", "#1f5fa8", "#2e9e5b", "#8a5fb0")
@@ -50,12 +48,6 @@ class Panel:
     nominal_x: float | None = None
 
 
-def _style() -> AbstractContextManager[None]:
-    return mpl.rc_context(
-        {"svg.hashsalt": "codra", "font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False}
-    )
-
-
 def curves(plotted_curves: Sequence[Curve], x_label: str, y_label: str, caption: str) -> Drawing:
     """Draw curves in one panel."""
     return panels([Panel(title="", x_label=x_label, curves=plotted_curves)], y_label, caption)
@@ -65,7 +57,7 @@ def panels(plotted_panels: Sequence[Panel], y_label: str, caption: str) -> Drawi
     """Draw panels of the same height, three in a row."""
     columns = min(len(plotted_panels), 3)
     rows = -(-len(plotted_panels) // columns)
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(3.8 * columns + (2.0 if columns == 1 else 0.0), 2.9 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
         for panel, axes in zip(plotted_panels, grid.flat, strict=False):
@@ -75,9 +67,7 @@ def panels(plotted_panels: Sequence[Panel], y_label: str, caption: str) -> Drawi
         for line in grid:
             line[0].set_ylabel(y_label)
         grid.flat[0].legend(fontsize=8, frameon=False)
-        text = StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None})
-        return Drawing(caption=caption, svg=text.getvalue())
+        return Drawing(caption=caption, svg=svg_of(figure))
 
 
 def _draw(panel: Panel, axes: Axes) -> None:
@@ -104,7 +94,7 @@ def point_at(x: float, estimate: Estimate | None) -> Point:
 
 def differences(estimates: Sequence[tuple[str, Estimate]], x_label: str, caption: str) -> Drawing:
     """Draw each estimate in a row of its own, with a vertical line at zero."""
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(9.0, 1.2 + 0.28 * len(estimates)), layout="constrained")
         axes = figure.subplots()
         axes.axvline(0.0, color="#444444", linewidth=1.0)
@@ -116,6 +106,4 @@ def differences(estimates: Sequence[tuple[str, Estimate]], x_label: str, caption
         axes.set_yticks(range(len(estimates)), [name for name, _ in estimates])
         axes.set_ylim(len(estimates) - 0.5, -0.5)
         axes.set_xlabel(x_label)
-        text = StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None})
-        return Drawing(caption=caption, svg=text.getvalue())
+        return Drawing(caption=caption, svg=svg_of(figure))

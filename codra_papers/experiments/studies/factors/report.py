@@ -8,11 +8,13 @@ from typing import Any
 
 from codra_papers.experiments.campaign.cells import estimate_text, interval, percent, plain_table, rounded
 from codra_papers.experiments.campaign.document import Cell as TableCell
-from codra_papers.experiments.campaign.document import Section, Table, Words
+from codra_papers.experiments.campaign.document import Drawing, Section, Table, Words
+from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.lab.arms import P1_TRIGGER_PERIOD_S, PRECONDITIONS
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.beyond.arm_comparison import RATIO_HEADER, ratio_cells
-from codra_papers.experiments.studies.factors.design import ARMS, CELLS, FACTORS, NAIVE_LIDS, PACED_ARMS
+from codra_papers.experiments.studies.factors.design import ARMS, FACTORS, NAIVE_LIDS, PACED_ARMS
+from codra_papers.experiments.studies.factors.drawing import cells_picture
 from codra_papers.experiments.studies.factors.findings import (
     CellFinding,
     Effect,
@@ -65,17 +67,18 @@ def factorial_report(outcomes: Mapping[str, Outcome], camera_algorithms: Sequenc
         for effect in effects(outcomes, name, arm)
     ]
     return FactorialReport(
-        summary=tuple(_summary(findings)),
+        summary=tuple(_summary(findings, all_effects)),
         section=Section(title="Localiser, lid and camera, crossed", parts=tuple(_parts(findings, all_effects))),
         results=findings_as_data(findings, all_effects),
     )
 
 
-def _parts(findings: Sequence[CellFinding], all_effects: Sequence[Effect]) -> Iterator[Words | Table]:
+def _parts(findings: Sequence[CellFinding], all_effects: Sequence[Effect]) -> Iterator[Words | Table | Drawing]:
     if not findings:
         yield Words(text="No runs of the factorial design.")
         return
     yield Words(text=_NOTE)
+    yield cells_picture(findings)
     yield arms_table(ARMS)
     for name in LIDS:
         yield _ratio_table(findings, name)
@@ -88,10 +91,10 @@ _WRONG_HEADER = ("wrong s", "of these, late s", "wrong at decisions", "of these,
 
 
 def _ratio_table(findings: Sequence[CellFinding], variable: str) -> Table:
-    header = (*FACTORS, "arm", "95 % interval", *RATIO_HEADER, *_WRONG_HEADER)
-    empty = (None,) * (len(header) - len(FACTORS) - 3)
+    header = (*FACTORS, "arm", *RATIO_HEADER, *_WRONG_HEADER)
+    empty = (None,) * (len(header) - len(FACTORS) - 2)
     paper_rows: list[Sequence[TableCell]] = [
-        ("P1", *[""] * (len(FACTORS) - 1), row.observer, "", row.printed_ratio, *empty)
+        ("P1", *[""] * (len(FACTORS) - 1), row.observer, f"{row.printed_ratio:.3f}", *empty)
         for row in paper.TABLE_2
         if row.variable == variable
     ]
@@ -99,8 +102,8 @@ def _ratio_table(findings: Sequence[CellFinding], variable: str) -> Table:
         (
             *finding.cell.levels,
             finding.arm,
-            estimate_text(finding.ratio, lambda value: f"{value:.3f}", "none"),
-            *ratio_cells(finding.comparison)[1:],
+            _ratio_text(finding.ratio),
+            *ratio_cells(finding.comparison)[2:],
             round(finding.comparison.seconds.wrong_s, 1),
             round(finding.comparison.causes.changed_since_s, 1),
             finding.comparison.answers.wrong,
@@ -118,7 +121,7 @@ def _ratio_table(findings: Sequence[CellFinding], variable: str) -> Table:
 
 def _effect_table(all_effects: Sequence[Effect]) -> Table:
     rows = [
-        (label(effect.variable), effect.arm, " x ".join(effect.factors), interval(effect.estimate))
+        (label(effect.variable), effect.arm, " x ".join(map(_steps_text, effect.factors)), interval(effect.estimate))
         for effect in all_effects
     ]
     caption = (
@@ -162,29 +165,63 @@ def _trigger_table(findings: Sequence[CellFinding], variable: str) -> Table:
     return plain_table(caption, header, [*paper_rows, *rows])
 
 
-def _summary(findings: Sequence[CellFinding]) -> Iterator[str]:
-    for cell in CELLS:
-        cell_findings_by_arm = {
-            (finding.variable, finding.arm): finding for finding in findings if finding.cell == cell
-        }
-        if cell_findings_by_arm:
-            levels = ", ".join(f"{name} {level}" for name, level in zip(FACTORS, cell.levels, strict=True))
-            yield (f"With {levels}: {_ratios_text(cell_findings_by_arm)}; {_triggers_text(cell_findings_by_arm)}.")
+def _summary(findings: Sequence[CellFinding], all_effects: Sequence[Effect]) -> Iterator[str]:
+    """Answer which cell is nearest to P1, which factor has the largest effect, and how many triggers are saved."""
+    by_cell_and_arm = {(one.cell, one.arm): one for one in findings if one.variable == "centrifuge_open"}
+    naive = [one for one in by_cell_and_arm.values() if one.arm == NAIVE_LIDS.name and one.ratio.value is not None]
+    if naive:
+        nearest = min(naive, key=lambda one: abs((one.ratio.value or 0.0) - paper.NAIVE_RATIO))
+        preconditions = by_cell_and_arm[nearest.cell, PRECONDITIONS.name]
+        levels = ", ".join(f"{name} {level}" for name, level in zip(FACTORS, nearest.cell.levels, strict=True))
+        yield (
+            f"In the cells of localiser, lid and camera, the ratio of centrifuge_open is {_range_of(naive)} with "
+            f"{NAIVE_LIDS.name}. Of these, {_ratio_text(nearest.ratio)} is nearest to P1's {paper.NAIVE_RATIO}, with "
+            f"{levels}. There, it is {_ratio_text(preconditions.ratio)} with {PRECONDITIONS.name} (P1: "
+            f"{paper.CONTEXT_DRIVEN_RATIO}), and {_number_text(nearest.comparison.constant_ratio)} with a constant "
+            "answer."
+        )
+        yield f"The largest effects on this ratio: {'; '.join(_effect_texts(all_effects))}."
+        saved = "; ".join(_range_text(findings, arm.name) for arm in PACED_ARMS)
+        yield (
+            f"Triggers of the PCR-cycler's lid that are saved against {NAIVE_LIDS.name} at equal cadence, over the "
+            f"cells (P1: 79.4 %): {saved}."
+        )
 
 
-def _ratios_text(findings: Mapping[tuple[str, str], CellFinding]) -> str:
-    naive, preconditions = (findings["centrifuge_open", arm.name] for arm in (NAIVE_LIDS, PRECONDITIONS))
-    ratios = (estimate_text(finding.ratio, "{:.3f}".format, "none") for finding in (naive, preconditions))
-    naive_text, preconditions_text = ratios
-    constant = naive.comparison.constant_ratio
-    return (
-        f"ratio of centrifuge_open {naive_text} with {NAIVE_LIDS.name} (P1: 0.703), {preconditions_text} with "
-        f"{PRECONDITIONS.name} (P1: 0.921), {'none' if constant is None else f'{constant:.3f}'} with a constant answer"
-    )
+def _effect_texts(all_effects: Sequence[Effect]) -> Iterator[str]:
+    for arm in (NAIVE_LIDS, PRECONDITIONS):
+        known_effects = [
+            effect
+            for effect in all_effects
+            if (effect.variable, effect.arm) == ("centrifuge_open", arm.name) and effect.estimate.value is not None
+        ]
+        if known_effects:
+            largest = max(known_effects, key=lambda effect: abs(effect.estimate.value or 0.0))
+            yield f"{interval(largest.estimate)} by {' x '.join(map(_steps_text, largest.factors))} with {arm.name}"
 
 
-def _triggers_text(findings: Mapping[tuple[str, str], CellFinding]) -> str:
-    saved = ", ".join(
-        f"{percent(findings['pcr_cycler_open', arm.name].triggers.fewer)} % with {arm.name}" for arm in PACED_ARMS
-    )
-    return f"fewer triggers of the PCR-cycler's lid than {NAIVE_LIDS.name} (P1: 79.4 %): {saved}"
+def _steps_text(factor: str) -> str:
+    """Return a factor with its levels: its effect is that of the step from the first level to the second."""
+    return f"{factor} ({' to '.join(FACTORS[factor])})"
+
+
+def _range_of(findings: Sequence[CellFinding]) -> str:
+    ratios = [finding.ratio.value for finding in findings if finding.ratio.value is not None]
+    return f"{min(ratios):.3f} to {max(ratios):.3f}"
+
+
+def _range_text(findings: Sequence[CellFinding], arm: str) -> str:
+    shares = [
+        one.triggers.fewer.value
+        for one in findings
+        if (one.variable, one.arm) == ("pcr_cycler_open", arm) and one.triggers.fewer.value is not None
+    ]
+    return f"{100 * min(shares):.1f} to {100 * max(shares):.1f} % with {arm}" if shares else f"none with {arm}"
+
+
+def _ratio_text(ratio: Estimate) -> str:
+    return estimate_text(ratio, "{:.3f}".format, "none")
+
+
+def _number_text(value: float | None) -> str:
+    return "none" if value is None else f"{value:.3f}"

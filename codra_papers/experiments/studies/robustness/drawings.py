@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from io import StringIO
 from itertools import pairwise, product
 from typing import Any
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -17,6 +14,7 @@ from matplotlib.patches import Patch
 
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.campaign.document import Drawing
+from codra_papers.experiments.campaign.figures import figure_style, svg_of
 from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.lab.outcomes import Decision, Outcome
 from codra_papers.experiments.lab.pictures import UNKNOWN_COLOUR
@@ -33,7 +31,7 @@ from codra_papers.experiments.studies.robustness.findings import (
 
 _WIDTH_IN = 11.0
 _LANE_HEIGHT_IN, _LANE_STEP_IN, _STRIP_GAP_IN, _TOP_IN, _BOTTOM_IN = 0.62, 0.75, 0.3, 0.3, 0.55
-_LEFT_SHARE, _WIDTH_SHARE = 0.12, 0.87
+_LEFT_SHARE, _WIDTH_SHARE = 0.15, 0.84
 """Sizes of timelines. A solver of layouts would place their many axes with rounding errors that differ each time."""
 
 _TRUTH_COLOUR, _HELD_COLOUR, _WRONG_COLOUR = "#444444", "#1f5fa8", "#f59a80"
@@ -82,12 +80,12 @@ def _ring(outcome: Outcome, decision: Decision, arm: str) -> Ring:
 def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
     """Draw the true value of a variable over a run, and the value that each arm held (Figure 6).
 
-    The background of an arm is red while the value of the arm is wrong.
+    The background of an arm is coloured while the value of the arm is wrong.
     """
-    with _style():
+    with figure_style():
         figure, _ = _timelines(outcome, variable, tuple(outcome.arms))
         _legend(figure, [Line2D([], [], color=_HELD_COLOUR, label="held")])
-        return Drawing(caption=caption, svg=_svg(figure))
+        return Drawing(caption=caption, svg=svg_of(figure))
 
 
 def decisions(
@@ -105,19 +103,12 @@ def decisions(
         arms: the arms to draw; None for all.
         strips: the number of parts, one below the other, into which the time of the run is divided.
     """
-    with _style():
+    with figure_style():
         figure, rows = _timelines(outcome, variable, tuple(arms or outcome.arms), strips)
         for arm, axes in rows:
             _draw_rings(axes, rings(outcome, variable, arm))
         _legend(figure, [_mark(verdict) for verdict in _MARKS])
-        return Drawing(caption=f"{caption} {_MARKS_NOTE}", svg=_svg(figure))
-
-
-def _style() -> AbstractContextManager[None]:
-    """Use one style in all pictures, and fixed SVG identifiers, so that equal pictures have equal texts."""
-    return mpl.rc_context(
-        {"svg.hashsalt": "codra", "font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False}
-    )
+        return Drawing(caption=f"{caption} {_MARKS_NOTE}", svg=svg_of(figure))
 
 
 def _timelines(
@@ -188,7 +179,7 @@ def forest(comparisons: Sequence[Comparison], caption: str) -> Drawing:
     names = [
         f"{label(comparison.variable)}: {comparison.arm} minus {comparison.other_arm}" for comparison in lid_comparisons
     ]
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(_WIDTH_IN, 1.2 + 0.3 * len(lid_comparisons)), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
         for axes, share_of, title in zip(panels, (paper_share, strict_share), ("ratio", "strict ratio"), strict=True):
@@ -196,7 +187,7 @@ def forest(comparisons: Sequence[Comparison], caption: str) -> Drawing:
             axes.set_xlabel(f"difference in {title}")
         panels[0].set_yticks(range(len(lid_comparisons)), names)
         panels[0].set_ylim(len(lid_comparisons) - 0.5, -0.5)
-        return Drawing(caption=caption, svg=_svg(figure))
+        return Drawing(caption=caption, svg=svg_of(figure))
 
 
 def _estimate(comparison: Comparison, share_of: ShareFunction) -> Estimate:
@@ -212,9 +203,3 @@ def _differences(axes: Axes, estimates: Sequence[Estimate]) -> None:
             axes.plot([estimate.low, estimate.high], [row, row], color=_HELD_COLOUR, linewidth=2.0)
     axes.grid(axis="x", color=UNKNOWN_COLOUR, linewidth=0.8)
     axes.set_axisbelow(True)
-
-
-def _svg(figure: Figure) -> str:
-    text = StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()

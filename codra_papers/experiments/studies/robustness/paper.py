@@ -72,3 +72,9 @@ TABLE_2 = (
         printed_ratio=0.996,
     ),
 )
+
+CONTEXT_DRIVEN_RATIO, NAIVE_RATIO = (
+    next(row.printed_ratio for row in TABLE_2 if (row.variable, row.observer) == ("centrifuge_open", observer))
+    for observer in (CONTEXT_DRIVEN, NAIVE)
+)
+"""The ratios of `centrifuge_open`."""

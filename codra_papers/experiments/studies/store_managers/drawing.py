@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
-from io import StringIO
 from itertools import pairwise
 from statistics import fmean
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from codra_papers.experiments.campaign.document import Drawing
+from codra_papers.experiments.campaign.figures import figure_style, svg_of
 from codra_papers.experiments.studies.store_managers.comparing import Measure
 from codra_papers.experiments.studies.store_managers.trial import BATTERY, StoreOutcome
 
@@ -47,7 +45,7 @@ def draw_over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
     Args:
         runs: the run of each manager, all with one seed.
     """
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(11.0, 0.8 + 1.9 * len(runs)), layout="constrained")
         blocks = figure.subplots(len(runs), sharex=True, sharey=True, squeeze=False)[:, 0]
         for (name, run), axes in zip(runs.items(), blocks, strict=True):
@@ -66,7 +64,7 @@ def draw_over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
             "value is unknown. The managers 'none' and 'speed only' do not use the weights. Red: the robot moved fast "
             "near a person. The triangles mark the causes for another course."
         )
-        return Drawing(caption=caption, svg=_svg(figure))
+        return Drawing(caption=caption, svg=svg_of(figure))
 
 
 def _block(axes: Axes, name: str, run: StoreOutcome) -> None:
@@ -104,7 +102,7 @@ def _curve(axes: Axes, lane: int, variable: str, run: StoreOutcome) -> None:
 
 def draw_by_seed(runs: Mapping[str, Sequence[StoreOutcome]], measures: Sequence[Measure]) -> Drawing:
     """Draw some measures of each seed for all managers, and their means, with a row for each measure."""
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(8.0, 2.8 * len(measures)), layout="constrained")
         rows = figure.subplots(len(measures), sharex=True, squeeze=False)[:, 0]
         places = range(len(runs))
@@ -117,16 +115,4 @@ def draw_by_seed(runs: Mapping[str, Sequence[StoreOutcome]], measures: Sequence[
             axes.set_ylim(bottom=0.0)
             axes.set_title(f"{measure.name} in an hour", loc="left", fontsize=10)
         caption = "Each line is one seed with all managers; the diamonds are means over seeds."
-        return Drawing(caption=caption, svg=_svg(figure))
-
-
-def _style() -> AbstractContextManager[None]:
-    return mpl.rc_context(
-        {"svg.hashsalt": "codra", "font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False}
-    )
-
-
-def _svg(figure: Figure) -> str:
-    text = StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()
+        return Drawing(caption=caption, svg=svg_of(figure))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.integrations.inspection import read_spec
-from codra_papers.experiments.campaign.document import Table
+from codra_papers.experiments.campaign.document import Drawing, Table
 from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.lab.algorithms import plain_preconditions, vision_algorithms
 from codra_papers.experiments.lab.outcomes import ArmOutcome, Outcome
@@ -207,13 +207,37 @@ def tables(report: FactorialReport) -> Sequence[Table]:
 def test_the_report_has_a_row_for_every_cell_and_arm_beside_those_of_the_paper(reported: Reported) -> None:
     for table in tables(reported.report):
         assert {len(row) for row in table.rows} == {len(table.header)}
-    ratio_tables = [table for table in tables(reported.report) if "95 % interval" in table.header]
+    ratio_tables = [table for table in tables(reported.report) if "balanced" in table.header]
+    assert len(ratio_tables) == len(LIDS)
     for table in ratio_tables:
         assert [row[0] for row in table.rows[:2]] == ["P1", "P1"]
         assert len(table.rows) == 2 + len(CELLS) * len(ARMS)
-    assert [row[5] for row in ratio_tables[0].rows[:2]] == [0.921, 0.703]
-    assert len(reported.report.summary) == len(CELLS)
+    assert [row[4] for row in ratio_tables[0].rows[:2]] == ["0.921", "0.703"]
     assert json.loads(json.dumps(reported.report.results, allow_nan=False))
+
+
+def test_the_summary_names_the_cell_nearest_to_the_paper_the_largest_effects_and_the_saved_triggers(
+    reported: Reported,
+) -> None:
+    cells = [
+        cell
+        for cell in reported.report.results["cells"]
+        if (cell["variable"], cell["arm"]) == ("centrifuge_open", NAIVE_LIDS.name) and cell["paper_ratio"] is not None
+    ]
+    nearest = min(cells, key=lambda cell: abs(cell["paper_ratio"] - 0.703))
+    levels = f"localiser {nearest['localiser']}, lid {nearest['lid']}, camera {nearest['camera']}"
+    nearest_sentence, effect_sentence, trigger_sentence = reported.report.summary
+
+    assert f"Of these, {nearest['paper_ratio']:.3f} is nearest to P1's 0.703, with {levels}." in nearest_sentence
+    assert "localiser (abstains to always answers)" in effect_sentence
+    assert all(f"with {arm}" in effect_sentence for arm in (NAIVE_LIDS.name, "preconditions"))
+    assert all(f"with {arm.name}" in trigger_sentence for arm in PACED_ARMS)
+
+
+def test_the_picture_has_a_row_for_every_cell(reported: Reported) -> None:
+    (picture,) = (part for part in reported.report.section.parts if isinstance(part, Drawing))
+
+    assert all(f"<!-- {', '.join(cell.levels)} -->" in picture.svg for cell in CELLS)
 
 
 def test_the_naive_arm_looks_only_at_lids_and_its_observable_looks_are_counted_by_truth(reported: Reported) -> None:
