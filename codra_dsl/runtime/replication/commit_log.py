@@ -1,4 +1,4 @@
-"""The commits that a replica keeps for other replicas, and how far it has received those of each replica."""
+"""The commits that a replica keeps for other replicas, and the numbers of all commits that it has received."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Commits: what a transaction wrote, as values that replicas exchange and store.
+"""Commits: the writes of transactions, as values that replicas exchange and store.
 
 A transaction of an agent becomes one commit. Each of its operations becomes writes to registers: whether a node or an
-edge exists, the value of an attribute, and the pose of a node. A node has one register for its pose, whatever its
-parent is, so it never has two parents.
+edge exists, the value of an attribute, and the pose of a node. A node has one register for its pose and its parent, so
+it never has two parents.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from codra_dsl.runtime.replication.hybrid_time import HybridTime, Stamp
 
 
 class RegisterKind(StrEnum):
-    """What a register holds."""
+    """The kind of content of a register."""
 
     NODE = "node"
     EDGE = "edge"
@@ -43,7 +43,7 @@ class Register(NamedTuple):
     """The name of a register.
 
     Attributes:
-        kind: what the register holds.
+        kind: the kind of content.
         path: the node, or the origin, label and target of the edge; then the attribute, if there is one.
     """
 

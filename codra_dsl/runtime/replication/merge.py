@@ -78,7 +78,7 @@ class Presence(NamedTuple):
 
     @property
     def begin(self) -> Stamp:
-        """Return the beginning: what was written earlier belongs to an earlier node or edge of the same name."""
+        """Return the stamp of the beginning; earlier writes belong to an earlier node or edge of the same name."""
         return self.first.stamp
 
 
@@ -93,9 +93,9 @@ def merge(state: MergedState, entries: Iterable[tuple[Register, Entry]]) -> Merg
 
 
 def join(left: MergedState, right: MergedState) -> MergedState:
-    """Return the state of a replica that has received what two replicas have received.
+    """Return the state of a replica that has received the writes of two other replicas.
 
-    An entry that one replica has compacted is not revived by the other.
+    An entry that one of the two has compacted away does not come back from the other.
     """
     changes: dict[Register, tuple[Entry, ...] | None] = {}
     registers = {*right.registers, *(left.registers if right.stable > BEFORE_ALL else ())}

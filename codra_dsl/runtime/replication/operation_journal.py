@@ -1,4 +1,4 @@
-"""The journal of a replica: what it has written and received, from which it recovers after a crash."""
+"""The journal of a replica: its own commits and those of others, from which it recovers after a crash."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_dsl.regular_files import replace_file
 
 
 class OperationJournal(Protocol):
-    """Where a replica stores its lines. What is appended survives a crash."""
+    """Stores the lines of a replica. An appended line survives a crash."""
 
     def lines(self) -> list[bytes]:
         """Return all lines, the oldest first."""

@@ -1,4 +1,4 @@
-"""The check of commits of other replicas: types, and P2's mapping from agents to what they write.
+"""The check of commits of other replicas: types, and P2's mapping from agents to the elements that they write.
 
 The check uses only the spec and the commit, never the present graph. So all replicas of a spec refuse the same commits.
 """

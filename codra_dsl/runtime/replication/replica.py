@@ -3,9 +3,9 @@
 P2 names a fleet whose robots share one global graph as future work (P2, section 7). Here each robot has a replica,
 which works without a connection to the others, and converges with them when messages arrive.
 
-Each replica sends its commits at once, and periodically a digest of what it has received. Whoever receives a digest
-sends the commits that are missing. So messages may be lost, duplicated and reordered, and a commit is sent again until
-the digest of its receiver acknowledges it.
+A replica sends its commits at once, and periodically a digest that states which commits it has received. The receiver
+of a digest sends the missing commits. So messages may be lost, duplicated and reordered, and a commit is sent again
+until a digest acknowledges it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _MAX_JOURNAL_LINES = 1_000
 """A journal with more lines is replaced by a snapshot after a compaction."""
 
 _REFUSALS = (ArithmeticError, LookupError, PermissionError, TypeError, ValueError)
-"""What the check of a foreign or malformed write raises."""
+"""The errors that the check of a foreign or malformed write raises."""
 
 Send = Callable[[str, bytes], None]
 """Sends a message to a replica, which may receive it never, late, or several times."""
@@ -57,8 +57,8 @@ class NotJoinedError(RuntimeError):
 class Replica:
     """One replica of a knowledge graph. Only one thread at a time may use it.
 
-    Tasks are not replicated: each task is handed over at one place. Whoever connects replicas authenticates them: a
-    replica believes what a member says about itself, but checks what its agents may write.
+    Tasks are not replicated: each task is handed over at one place. The transport must authenticate
+    the replicas: a replica trusts the digests of members, and checks only whether agents may write.
 
     Attributes:
         name: the name of the replica. After the loss of its journal, a replica must join under a new name.
@@ -189,7 +189,7 @@ class Replica:
     # Exchange
 
     def _exchange(self) -> None:
-        """Send a digest to all other replicas, and compact what has become stable."""
+        """Send a digest to all other replicas, and forget commits that all replicas have received."""
         self._timer = self._clock.call_at(self._clock.now_s() + EXCHANGE_PERIOD_S, self._exchange)
         if self._has_joined and (not self._log.is_empty or self._stability.promise <= self._merged.stable):
             self._store(Promise(instant=self._time.tick()))
@@ -206,7 +206,7 @@ class Replica:
         self._send_to_others(digest)
 
     def _answer(self, digest: Digest) -> None:
-        """Take note of a digest, and send what its sender lacks."""
+        """Take note of a digest, and send the commits that its sender lacks."""
         if digest.sender == self.name:
             return
         new_members = {digest.sender, *digest.members} - self._stability.members

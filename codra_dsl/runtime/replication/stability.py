@@ -1,12 +1,12 @@
 """Which writes have reached all replicas, so that deletions among them can be forgotten.
 
-Each replica promises from time to time that it will write only after an instant. A replica that has received all
-commits which another one had made until its promise has received everything that the other one will ever have written
-up to this instant. The minimum over all replicas is the horizon of a replica: up to this instant nothing new arrives.
-The minimum of all horizons is the stable instant: up to it, no replica lacks any write.
+From time to time, a replica promises to write only after an instant. Another replica that has received all commits
+before this promise has received everything that the first one will ever have written up to this instant. The minimum
+of the promises of all replicas, as received by one replica, is the horizon of that replica: no write up to this instant
+can still arrive there. The minimum of all horizons is the stable instant: no replica lacks a write up to this instant.
 
-A digest carries the known members together with the horizon. Therefore a replica that uses the horizon of another one
-knows all members which that horizon takes into account, and the members that join later write only after it.
+A digest carries the known members together with the horizon. So a replica that uses the horizon of another replica
+knows all members for which this horizon holds. A member that joins later writes only after the horizon.
 """
 
 from __future__ import annotations
