@@ -39,9 +39,10 @@ EXCHANGE_PERIOD_S = 0.5
 COMPACTION_PERIOD_S = 10.0
 """The default minimum time between compactions."""
 
+MAX_JOURNAL_LINES = 1_000
+"""The default number of lines above which a compaction replaces the journal by a snapshot."""
+
 _MAX_COMMITS_IN_MESSAGE = 100
-_MAX_JOURNAL_LINES = 1_000
-"""A journal with more lines is replaced by a snapshot after a compaction."""
 
 _REFUSALS = (ArithmeticError, LookupError, PermissionError, TypeError, ValueError)
 """The errors that the check of a foreign or malformed write raises."""
@@ -57,8 +58,8 @@ class NotJoinedError(RuntimeError):
 class Replica:
     """One replica of a knowledge graph. Only one thread at a time may use it.
 
-    Tasks are not replicated: each task is handed over at one place. The transport must authenticate
-    the replicas: a replica trusts the digests of members, and checks only whether agents may write.
+    Tasks are not replicated: each task is handed over at one place. The transport must authenticate the replicas: a
+    replica trusts the digests of members, and checks only whether agents may write.
 
     Attributes:
         name: the name of the replica. After the loss of its journal, a replica must join under a new name.
@@ -79,6 +80,7 @@ class Replica:
         joins: bool = False,
         created_s: float = 0.0,
         compaction_period_s: float = COMPACTION_PERIOD_S,
+        max_journal_lines: int = MAX_JOURNAL_LINES,
     ) -> None:
         """Create a replica, or recover it from its journal.
 
@@ -93,6 +95,7 @@ class Replica:
             joins: whether the replica joins a graph that exists already.
             created_s: when the graph was created, the same for all replicas; no clock may show an earlier instant.
             compaction_period_s: the minimum time between compactions, each of which reads all registers.
+            max_journal_lines: if the journal has more lines, a compaction replaces them by a snapshot.
 
         Raises:
             ValueError: if the journal is damaged.
@@ -116,6 +119,7 @@ class Replica:
         self._journal_line_count = self._recover()
         self._compaction_period_s = compaction_period_s
         self._next_compaction_s = clock.now_s()
+        self._max_journal_lines = max_journal_lines
         self._timer = clock.call_at(clock.now_s(), self._exchange)
 
     @property
@@ -242,7 +246,7 @@ class Replica:
         self._next_compaction_s = now_s + self._compaction_period_s
         self._merged = compact(self._merged, stable)
         self._index.replace(self._merged.registers)
-        if self._journal_line_count > _MAX_JOURNAL_LINES:
+        if self._journal_line_count > self._max_journal_lines:
             lines = (self._state_snapshot().encode(), Promise(instant=self._stability.promise).encode())
             self._journal.replace(lines)
             self._journal_line_count = len(lines)

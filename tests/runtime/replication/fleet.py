@@ -126,14 +126,17 @@ class MemoryJournal:
         return list(self.stored_lines)
 
     def append(self, line: bytes) -> None:
-        crash = self.crashes()
-        if crash is not True:
-            self.stored_lines.append(line)
-        if crash is not None:
-            raise CrashError
+        self._store([*self.stored_lines, line])
 
     def replace(self, lines: Iterable[bytes]) -> None:
-        self.stored_lines = list(lines)
+        self._store(list(lines))
+
+    def _store(self, lines: list[bytes]) -> None:
+        crash = self.crashes()
+        if crash is not True:
+            self.stored_lines = lines
+        if crash is not None:
+            raise CrashError
 
 
 @dataclass
@@ -186,6 +189,7 @@ class Fleet:
         self._members: dict[str, Member] = {}
         self._is_active = True
         self._compaction_period_s = random.choice((0.0, 0.0, 1.0, 10.0))
+        self._max_journal_lines = random.choice((10, 1_000))
         self._last_verbs = random.choice(LAST_VERBS)
         self.rogue = f"robot_{count - 1}" if count > 2 and random.random() < 0.25 else ""
         names = [f"robot_{number}" for number in range(count)]
@@ -274,6 +278,7 @@ class Fleet:
             others=member.others,
             joins=member.joins,
             compaction_period_s=self._compaction_period_s,
+            max_journal_lines=self._max_journal_lines,
         )
         member.journal.crashes = crashes
 

@@ -17,7 +17,6 @@ from codra_dsl.runtime.knowledge import OutrankedError, TaskModel
 from codra_dsl.runtime.knowledge.declarations import by
 from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.replication import NotJoinedError, OperationFile, Replica
-from codra_dsl.runtime.replication import replica as replica_module
 from codra_dsl.runtime.replication.commits import RegisterKind
 from codra_dsl.runtime.replication.hybrid_time import MAX_DRIFT_S
 from tests.runtime.remote.skewed_clock import SkewedClock
@@ -241,10 +240,9 @@ def test_a_journal_belongs_to_one_program(tmp_path: Path) -> None:
     with_lock.close()
 
 
-def test_a_long_journal_becomes_a_snapshot(robots: Robots, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(replica_module, "_MAX_JOURNAL_LINES", 20)
+def test_a_long_journal_becomes_a_snapshot(robots: Robots, tmp_path: Path) -> None:
     path = tmp_path / "three.jsonl"
-    three = robots.add("three", "one", "two", journal=OperationFile(path), joins=True)
+    three = robots.add("three", "one", "two", journal=OperationFile(path), joins=True, max_journal_lines=20)
     robots.settle()
     for value in range(40):
         three.write(THIRD, set_level(value))
