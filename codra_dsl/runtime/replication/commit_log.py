@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import islice
 
 from codra_dsl.runtime.replication.commits import Commit
@@ -63,11 +63,8 @@ class CommitLog:
                 del commits[number]
                 self.pruned[replica] = number
 
-    def adopt(self, vector: Mapping[str, int], pruned: Mapping[str, int], commits: Iterable[Commit]) -> None:
-        """Take over the log of another replica, whose state is merged into the state of this one."""
-        for commit in commits:
-            if commit not in self:
-                self._commits.setdefault(commit.replica, {})[commit.number] = commit
+    def adopt(self, vector: Mapping[str, int], pruned: Mapping[str, int]) -> None:
+        """Count the commits that another replica has received as received; those that it keeps must be added first."""
         for replica, number in pruned.items():
             self.pruned[replica] = max(self.pruned.get(replica, 0), number)
             kept_commits = self._commits.get(replica, {})

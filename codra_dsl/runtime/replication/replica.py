@@ -312,10 +312,12 @@ class Replica:
                 entries.append(self._entry_of(write, stamp))
             except _REFUSALS as error:
                 self._refuse(stamp.author, error)
+        for commit in snapshot.commits:
+            self._apply_commit(commit)
         received = merge(MergedState(), entries)
         self._merged = join(self._merged, MergedState(received.registers, snapshot.stable))
         self._index.replace(self._merged.registers)
-        self._log.adopt(snapshot.vector, snapshot.pruned, snapshot.commits)
+        self._log.adopt(snapshot.vector, snapshot.pruned)
         self._stability.members.update(snapshot.members)
         self._time.receive(snapshot.time)
         self._has_joined = True

@@ -423,10 +423,13 @@ class Fleet:
     # Comparison
 
     def _compare_registers(self) -> None:
-        """Compare the registers of all replicas, after compaction."""
+        """Compare the registers of all replicas after compaction, and the numbers of refused commits."""
         registers = {name: replica._state_snapshot().writes for name, replica in self.honest_replicas.items()}
         if len(set(registers.values())) > 1:
             self.failures.append(f"the replicas {', '.join(registers)} have different registers")
+        for name in self.honest_replicas:
+            if self._members[name].refusal_count() < self.foreign_count:
+                self.failures.append(f"{name} did not count all foreign commits")
 
     def _compare_graphs(self) -> None:
         """Compare the graphs of all replicas with the expected graph, at instants with different valid values."""
@@ -437,9 +440,6 @@ class Fleet:
                 graph = graph_of(Snapshot(SCHEMA, graph_state(replica._merged, SCHEMA, instant_s), instant_s))
                 if graph != expected:
                     self.failures.append(f"{name} at {instant_s} s has\n{graph}\nand not\n{expected}")
-        for name in self.honest_replicas:
-            if self._members[name].refusal_count() < self.foreign_count:
-                self.failures.append(f"{name} did not count all foreign commits")
 
 
 def _writes_on_whole_graph(member: Member, replica: Replica, operations: list[Operation]) -> object:
