@@ -97,18 +97,21 @@ class _GraphBuilder:
         """Return the entries of the poses of all nodes that have one."""
         poses = {}
         for (name,), entries in self._registers[RegisterKind.POSE].items():
-            begin = self._begins.get(name)
-            if begin is not None:
-                entry = winner([entry for entry in entries if entry.stamp > begin], self._is_pose_valid)
-                if entry is not None and entry.content is not None and self._connects(entry, name):
-                    poses[name] = entry
+            entry = self._pose(name, entries) if name in self._nodes else None
+            if entry is not None and entry.content is not None and self._connects(entry, name):
+                poses[name] = entry
         return poses
+
+    def _pose(self, name: str, entries: Iterable[Entry]) -> Entry | None:
+        """Return the entry that determines the pose of a node; a pose without its parent is not valid."""
+        counted_entries = [entry for entry in entries if entry.stamp > self._begins[name]]
+        return winner(counted_entries, lambda entry: self._is_fresh(entry) and self._connects(entry, name))
 
     def _connects(self, entry: Entry, name: str) -> bool:
         origin = entry.content[0]
         return origin in self._nodes and entry.stamp > self._begins[origin] and self._fits(entry.type, origin, name)
 
-    def _is_pose_valid(self, entry: Entry) -> bool:
+    def _is_fresh(self, entry: Entry) -> bool:
         return self._now_s < entry.evidence_s + self._motion(entry).valid_for_s
 
     def _motion(self, entry: Entry) -> Motion:

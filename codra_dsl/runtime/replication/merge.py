@@ -139,7 +139,7 @@ def presence(entries: Iterable[Entry], since: Stamp | None = None) -> Presence |
     """Return the existence of a node or edge, or None if it does not exist.
 
     The insertions and deletions take effect in the order of their stamps. While the node or edge exists, a writer of
-    lower rank can neither delete nor replace it. A node or edge of another type is another one.
+    lower rank cannot delete it. The insertion of another type replaces it; the ranks of two types cannot be compared.
 
     Args:
         entries: the entries of the register, ordered by their stamps.
@@ -149,34 +149,25 @@ def presence(entries: Iterable[Entry], since: Stamp | None = None) -> Presence |
     for entry in entries:
         if since is not None and entry.stamp <= since:
             continue
-        if present is not None and entry.rank < present.entry.rank:
-            continue
-        is_same_type = present is not None and entry.type == present.entry.type
-        if entry.content is not None:
-            present = Presence(present.first if present is not None and is_same_type else entry, entry)
-        elif is_same_type:
-            present = None
+        if present is None or entry.type != present.entry.type:
+            present = present if entry.content is None else Presence(entry, entry)
+        elif entry.rank >= present.entry.rank:
+            present = None if entry.content is None else present._replace(entry=entry)
     return present
 
 
 def winner(entries: Iterable[Entry], is_valid: Callable[[Entry], bool]) -> Entry | None:
     """Return the entry that determines a value or a pose; None if there are no entries.
 
-    This is the entry with the highest rank among those that are valid, and otherwise the one with the newest evidence.
-    An entry without content ends older values of writers whose rank is not higher.
+    The entries take effect in the order of their evidence. While a value is valid, no writer of lower rank can replace
+    it. A pose on an edge of another type replaces it; the ranks of two types cannot be compared.
     """
-    candidates = tuple(entries)
-    endings = [entry for entry in candidates if entry.content is None]
-    valid_entries = [
-        entry
-        for entry in candidates
-        if entry.content is not None
-        and is_valid(entry)
-        and not any(ending.rank >= entry.rank and ending.order > entry.order for ending in endings)
-    ]
-    if valid_entries:
-        return max(valid_entries, key=lambda entry: (entry.rank, entry.order))
-    return max(candidates, key=_order, default=None)
+    present: Entry | None = None
+    for entry in sorted(entries, key=_order):
+        is_protected = present is not None and entry.type == present.type and entry.rank < present.rank
+        if present is None or present.content is None or not is_protected or not is_valid(present):
+            present = entry
+    return present
 
 
 # Compaction

@@ -128,7 +128,7 @@ class _World:
     def _change(things: dict[Any, Thing], key: Any, value: Value) -> bool:
         """Insert or delete a thing; return whether another or no thing is there afterwards."""
         thing = things.get(key)
-        if thing is not None and thing.rank > value.rank:
+        if thing is not None and thing.type == value.type and thing.rank > value.rank:
             return False
         if value.content is None:
             if thing is None or thing.type != value.type:
@@ -165,13 +165,15 @@ class _World:
         poses: dict[str, Value] = {}
         candidates = []
         for name, thing in self.nodes.items():
-            origins = dict(thing.poses)
-            value = self._decide(list(origins), motions)
-            if value is not None and value.content is not None:
-                origin = origins[value]
-                is_same_origin = origin is not None and self.nodes.get(value.content[0]) is origin
-                if is_same_origin and self._fits(value.content[0], name, value.type):
-                    candidates.append((value.stamp, name, value))
+            connected_values = {
+                value
+                for value, origin in thing.poses
+                if origin is not None and self.nodes.get(value.content[0]) is origin
+                if self._fits(value.content[0], name, value.type)
+            }
+            decided = self._decide([value for value, _ in thing.poses], motions, connected_values)
+            if decided in connected_values:
+                candidates.append((decided.stamp, name, decided))
         for _, name, value in sorted(candidates):
             ancestors = [value.content[0]]
             while ancestors[-1] in poses:
@@ -193,16 +195,16 @@ class _World:
         types: Any = (*self._model.node_types, *self._model.edge_types)
         return {one.name: other.valid_for_s for one in types for other in one.attributes if other.name == attribute}
 
-    def _decide(self, values: list[Value], valid_for_s: dict[str, float]) -> Value | None:
+    def _decide(
+        self, values: list[Value], valid_for_s: dict[str, float], connected_values: set[Value] | None = None
+    ) -> Value | None:
         """Return the value that stands after all values took effect in the order of their evidence."""
-        standing: dict[tuple[int, str], Value] = {}
-        ordered_values = sorted(values, key=lambda value: value[:2])
-        for value in ordered_values:
-            if value.content is None:
-                standing = {key: other for key, other in standing.items() if key[0] > value.rank}
-            else:
-                standing[value.rank, value.type] = value
-        valid = [value for value in standing.values() if self._now_s < value.evidence_s + valid_for_s[value.type]]
-        if valid:
-            return max(valid, key=lambda value: (value.rank, value[:2]))
-        return ordered_values[-1] if ordered_values else None
+        decided: Value | None = None
+        for value in sorted(values, key=lambda value: value[:2]):
+            if decided is not None and decided.content is not None and decided.type == value.type:
+                is_connected = connected_values is None or decided in connected_values
+                is_valid = is_connected and self._now_s < decided.evidence_s + valid_for_s[decided.type]
+                if is_valid and decided.rank > value.rank:
+                    continue
+            decided = value
+        return decided

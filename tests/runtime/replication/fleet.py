@@ -376,10 +376,23 @@ class Fleet:
         if commit is None:
             return
         self.commits[commit.replica, commit.number] = commit
-        if count == 1 and operations[0].verb is Verb.SET and operations[0].arguments[1] == "level":
-            name, attribute, value, evidence_s = operations[0].arguments
-            if evidence_s is None and replica.snapshot().get(name, attribute).content != value:
-                self.failures.append(f"{member.name} does not see its own write of {name}.{attribute}")
+        if count == 1 and not self._is_visible(member, replica, operations[0], commit.time.physical_s):
+            self.failures.append(f"{member.name} does not see its own write {operations[0]}")
+
+    @staticmethod
+    def _is_visible(member: Member, replica: Replica, operation: Operation, now_s: float) -> bool:
+        """Return whether the graph of a replica has the value or pose that was written last.
+
+        A pose may be left out if an older pose, which was left out before, now takes effect and both make a cycle.
+        """
+        schema = GraphSchema(member.model)
+        snapshot = Snapshot(schema, graph_state(replica._merged, schema, now_s), now_s)
+        match operation:
+            case (Verb.SET, (name, attribute, value, None)):
+                return bool(snapshot.get(name, attribute).content == value)
+            case (Verb.PLACE, (parent, edge_type, name, _, None)):
+                return snapshot.has_edge(parent, edge_type, name) or name in _ancestors(snapshot, parent)
+        return True
 
     def _operation(self, agent: str, snapshot: Snapshot) -> Operation:
         """Return a random operation, which often fits the graph."""
@@ -450,6 +463,14 @@ def _writes_on_whole_graph(member: Member, replica: Replica, operations: list[Op
         return apply_operations(change_set, operations)
     except OPERATION_ERRORS as error:
         return type(error)
+
+
+def _ancestors(snapshot: Snapshot, name: str) -> list[str]:
+    parents = {target: origin for origin, label, target in (edge.key for edge in snapshot.edges()) if label == "RT"}
+    ancestors = [name]
+    while ancestors[-1] in parents:
+        ancestors.append(parents[ancestors[-1]])
+    return ancestors
 
 
 def _vector(replica: Replica) -> dict[str, int]:
