@@ -33,7 +33,8 @@ def without_cycles(poses: Mapping[str, Entry]) -> dict[str, Entry]:
     """Return poses by node, without those that close a cycle of parents.
 
     The poses take effect in the order of their stamps, so of the poses in a cycle the one that was written last is left
-    out. Its author would have been refused if the replica had known the others.
+    out. Its author would have been refused if the replica had known the others. A pose that is left out still counts as
+    the newest pose of its node, and takes effect when another pose opens the cycle.
     """
     kept_poses: dict[str, Entry] = {}
     for name, entry in sorted(poses.items(), key=lambda item: item[1].stamp):

@@ -31,7 +31,7 @@ from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.remote.fake_network import FakeNetwork, Faults
 from codra_dsl.runtime.replication import Commit, Replica
-from codra_dsl.runtime.replication.graph_state import graph_state
+from codra_dsl.runtime.replication.graph_state import _GraphBuilder, graph_state
 from codra_dsl.runtime.replication.hybrid_time import BEFORE_ALL
 from codra_dsl.runtime.replication.messages import Commits, decode
 from codra_dsl.runtime.replication.transactions import apply_operations
@@ -383,7 +383,8 @@ class Fleet:
     def _is_visible(member: Member, replica: Replica, operation: Operation, now_s: float) -> bool:
         """Return whether the graph of a replica has the value or pose that was written last.
 
-        A pose may be left out if an older pose, which was left out before, now takes effect and both make a cycle.
+        A new pose may stay behind an older one of higher rank, or make a cycle with one, if the older one is left out
+        because of a cycle: the author did not see it.
         """
         schema = GraphSchema(member.model)
         snapshot = Snapshot(schema, graph_state(replica._merged, schema, now_s), now_s)
@@ -391,7 +392,10 @@ class Fleet:
             case (Verb.SET, (name, attribute, value, None)):
                 return bool(snapshot.get(name, attribute).content == value)
             case (Verb.PLACE, (parent, edge_type, name, _, None)):
-                return snapshot.has_edge(parent, edge_type, name) or name in _ancestors(snapshot, parent)
+                builder = _GraphBuilder(replica._merged, replica._merged.registers, schema, now_s)
+                builder.build()
+                has_cycle = len(snapshot.edges("RT")) < len(builder._poses())
+                return has_cycle or snapshot.has_edge(parent, edge_type, name)
         return True
 
     def _operation(self, agent: str, snapshot: Snapshot) -> Operation:
@@ -463,14 +467,6 @@ def _writes_on_whole_graph(member: Member, replica: Replica, operations: list[Op
         return apply_operations(change_set, operations)
     except OPERATION_ERRORS as error:
         return type(error)
-
-
-def _ancestors(snapshot: Snapshot, name: str) -> list[str]:
-    parents = {target: origin for origin, label, target in (edge.key for edge in snapshot.edges()) if label == "RT"}
-    ancestors = [name]
-    while ancestors[-1] in parents:
-        ancestors.append(parents[ancestors[-1]])
-    return ancestors
 
 
 def _vector(replica: Replica) -> dict[str, int]:
