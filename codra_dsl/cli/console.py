@@ -13,7 +13,7 @@ import typer
 
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.regular_files import real_path
-from codra_dsl.tooling.installation import pip_install
+from codra_dsl.tooling.installation import missing_package_text, pip_install
 
 if TYPE_CHECKING:
     from codra_dsl.generation.build_plan import BuildPlan
@@ -26,6 +26,7 @@ __all__ = [
     "common_root",
     "existing",
     "made_folder",
+    "missing_package_text",
     "one_plan",
     "pip_install",
     "say",

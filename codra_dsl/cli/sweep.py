@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, pip_install, say, write_result
+from codra_dsl.cli.console import (
+    Colour,
+    ExitCode,
+    common_root,
+    existing,
+    missing_package_text,
+    one_plan,
+    say,
+    write_result,
+)
 from codra_dsl.cli.options import ColourOption, OutputOption
 from codra_dsl.tooling.installation import DSL
 
@@ -173,7 +182,7 @@ def _draw(
     try:
         from codra_dsl.integrations.inspection.sweep_pictures import memberships_svg, surfaces_svg, sweep_svg
     except ModuleNotFoundError as error:
-        say(f"codra: '--format svg' needs {error.name}: {pip_install(DSL, 'viz')}")
+        say(missing_package_text("--format svg", error, DSL, "viz"))
         raise typer.Exit(ExitCode.FAILED) from error
     from codra_dsl.integrations.inspection.sweeps import varied
     from codra_dsl.runtime.loops.sweep import surface

@@ -23,6 +23,19 @@ def pip_install(distribution: str, extras: str = "") -> str:
     return f"pip install {shlex.quote(requirement(distribution, extras))}"
 
 
+def missing_package_text(user: str, error: ModuleNotFoundError, distribution: str, extras: str) -> str:
+    """Return which package is missing, and how to install it.
+
+    Args:
+        user: the command or option that needs the package.
+        error: the error of the import; it may name a module inside the package.
+        distribution: the distribution with the extras.
+        extras: the extras that install the package.
+    """
+    package = (error.name or str(error)).partition(".")[0]
+    return f"codra: '{user}' needs {package}: {pip_install(distribution, extras)}"
+
+
 def requirement(distribution: str = DSL, extras: str = "") -> str:
     """Return the requirement with which pip installs a distribution from the origin of the installed codra."""
     return requirement_from_origin(_origin_text(distribution), distribution, extras)

@@ -20,8 +20,8 @@ from codra_dsl.cli.console import (
     common_root,
     existing,
     made_folder,
+    missing_package_text,
     one_plan,
-    pip_install,
     say,
     write_result,
 )
@@ -137,7 +137,7 @@ class _Options:
         try:
             from codra_papers.experiments.campaign.cluster import run_on_cluster
         except ModuleNotFoundError as error:
-            say(f"codra: '--cluster' needs {error.name}: {pip_install('codra-papers', 'cluster')}")
+            say(missing_package_text("--cluster", error, "codra-papers", "cluster"))
             raise typer.Exit(ExitCode.FAILED) from error
         return partial(run_on_cluster, address=self.cluster, notify=lambda sentence: say(f"codra: {sentence}"))
 
@@ -247,7 +247,7 @@ def _known_experiments() -> Mapping[str, Experiment]:
 
             return experiments()
     except ModuleNotFoundError as error:
-        say(f"codra: 'experiment' needs {error.name}: {pip_install('codra-papers', 'lab')}")
+        say(missing_package_text("experiment", error, "codra-papers", "lab"))
         raise typer.Exit(ExitCode.FAILED) from error
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, made_folder, pip_install, say, writable_journal, write_result
+from codra_dsl.cli.console import ExitCode, made_folder, missing_package_text, say, writable_journal, write_result
 from codra_dsl.cli.worlds import RunRequest
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def lab(request: RunRequest, *, naive: NaiveOption = False) -> None:
             from codra_papers.experiments.lab import run
             from codra_papers.experiments.lab.arms import NAIVE
     except ModuleNotFoundError as error:
-        say(f"codra: 'run' needs {error.name}: {pip_install('codra-papers', 'lab')}")
+        say(missing_package_text("run", error, "codra-papers", "lab"))
         raise typer.Exit(ExitCode.FAILED) from error
 
     spec, journal = request.spec, request.journal

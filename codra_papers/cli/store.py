@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, made_folder, pip_install, say, writable_journal, write_result
+from codra_dsl.cli.console import ExitCode, made_folder, missing_package_text, say, writable_journal, write_result
 from codra_dsl.cli.worlds import RunRequest
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def store(
         with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
             settings = _settings(request, situation, (port or 0) if page else None)
     except ModuleNotFoundError as error:
-        say(f"codra: 'run --page' needs {error.name}: {pip_install('codra-papers', 'store')}")
+        say(missing_package_text("run --page", error, "codra-papers", "store"))
         raise typer.Exit(ExitCode.FAILED) from error
     from codra_dsl.integrations.inspection import compile_and_load
     from codra_papers.experiments.store.run import CompiledSpec, store_text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, pip_install, say
+from codra_dsl.cli.console import ExitCode, missing_package_text, say
 from codra_dsl.tooling.installation import DSL
 
 
@@ -13,6 +13,6 @@ def language_server_command() -> None:
     try:
         from codra_dsl.tooling.language_server.methods import serve
     except ModuleNotFoundError as error:
-        say(f"codra: 'codra language-server' needs {error.name}: {pip_install(DSL, 'editor')}")
+        say(missing_package_text("codra language-server", error, DSL, "editor"))
         raise typer.Exit(ExitCode.FAILED) from error
     raise typer.Exit(ExitCode.CLEAN if serve() else ExitCode.FAILED)

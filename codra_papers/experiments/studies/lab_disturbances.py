@@ -306,7 +306,9 @@ def _sections(place: Place, beliefs: Sequence[Belief], outcomes: Sequence[Outcom
     for episode in episodes(place.machine):
         yield _section(f"{title}: {episode.name}", episode, [belief for belief in beliefs if belief.episode == episode])
     caption = "The true value and the value of each arm. The background is coloured while the value is wrong."
-    parts = tuple(drawings.timeline(outcomes[0], name, caption) for name in (place.watched[0], place.watched[-1]))
+    events = {episode.name: episode.start_s for episode in episodes(place.machine)}
+    names = (place.watched[0], place.watched[-1])
+    parts = tuple(drawings.timeline(outcomes[0], name, caption, events) for name in names)
     yield Section(title=f"{title}: one run over time", parts=parts)
 
 

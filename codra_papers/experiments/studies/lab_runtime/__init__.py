@@ -14,7 +14,7 @@ EXPERIMENT = Experiment(
     name="lab-runtime",
     question="How much time does the main execution save with observers, and why (P1, section 4.2)?",
     seeds=20,
-    quick_seeds=4,
+    quick_seeds=2,
     trials=trials,
     judge=judge,
 )

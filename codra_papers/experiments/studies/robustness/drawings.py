@@ -77,15 +77,22 @@ def _ring(outcome: Outcome, decision: Decision, arm: str) -> Ring:
     return Ring(instant_s, decision.held_after_wait[arm], truth)
 
 
-def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
+def timeline(outcome: Outcome, variable: str, caption: str, events: Mapping[str, float] | None = None) -> Drawing:
     """Draw the true value of a variable over a run, and the value that each arm held (Figure 6).
 
     The background of an arm is coloured while the value of the arm is wrong.
+
+    Args:
+        outcome: the run.
+        variable: the variable.
+        caption: the description of the drawing, without that of the events.
+        events: instants to mark in s, each with a name.
     """
     with figure_style():
         figure, _ = _timelines(outcome, variable, tuple(outcome.arms))
+        _mark_events(figure, events or {})
         _legend(figure, [Line2D([], [], color=_HELD_COLOUR, label="held")])
-        return Drawing(caption=caption, svg=svg_of(figure))
+        return Drawing(caption=f"{caption}{_events_text(events or {})}", svg=svg_of(figure))
 
 
 def decisions(
@@ -134,6 +141,18 @@ def _timelines(
     figure.axes[0].set_title(label(variable), loc="left", fontsize=10.5)
     figure.axes[-1].set_xlabel(f"time in s, seed {outcome.seed}")
     return figure, arm_lanes
+
+
+def _mark_events(figure: Figure, events: Mapping[str, float]) -> None:
+    for number, instant_s in enumerate(events.values(), 1):
+        for axes in figure.axes:
+            axes.axvline(instant_s, color=_TRUTH_COLOUR, linestyle=":", linewidth=1.0)
+        figure.axes[0].text(instant_s, 1.4, str(number), ha="center", va="bottom")
+
+
+def _events_text(events: Mapping[str, float]) -> str:
+    names = "; ".join(f"{number}: {name}" for number, name in enumerate(events, 1))
+    return f" Dotted lines: {names}." if names else ""
 
 
 def _row(axes: Axes, name: str, held: Sequence[Piece], colour: str) -> None:

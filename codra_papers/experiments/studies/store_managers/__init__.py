@@ -8,7 +8,7 @@ from codra_papers.experiments.campaign.experiment import Experiment, Settings, W
 from codra_papers.experiments.studies.store_managers.judgement import judge, reported_trials
 from codra_papers.experiments.studies.store_managers.search import Design, search_trials
 
-QUICK_DURATION_S = 1200.0
+QUICK_DURATION_S = 900.0
 """The duration of the runs of a quick report."""
 
 
