@@ -55,7 +55,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills namespaces cluster signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
+.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills replicas namespaces cluster signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -121,6 +121,11 @@ fuzz: $(READY)
 # Two thousand writers of journals and fifty robots are killed: does each journal recover, with every acknowledged event?
 kills: $(READY)
 	$(BIN)/python -m tests.campaigns.kills 2000 1 50
+
+# Ten thousand fleets of replicas on a faulty network: do all converge, and is no acknowledged write lost?
+RUNS ?= 10000
+replicas: $(READY)
+	$(BIN)/python -m tests.campaigns.replicas $(RUNS) $(SEED)
 
 # Five hundred programs get Ctrl-C, SIGTERM, or a handler that calls `set` or raises, at random instants: is an event lost?
 signals: $(READY)

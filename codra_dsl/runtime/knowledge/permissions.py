@@ -73,6 +73,10 @@ class Permissions:
         writers_text = " or ".join(self._priorities) or "no agent"
         raise NotASourceError(f"{subject!r} may be written by {writers_text}, not by {agent!r}")
 
+    def priority(self, agent: str) -> int:
+        """Return the priority of an agent among the permitted writers; 0 for the graph itself."""
+        return self._priorities.get(agent, 0)
+
     def check_rank(self, agent: str, previous_writer: str, subject: str) -> None:
         """Check that an agent may overwrite the valid value of another agent.
 
