@@ -128,6 +128,22 @@ def test_convert_writes_nothing_while_there_are_errors(folder: Path) -> None:
     assert not (folder / "new.xml").exists()
 
 
+def test_a_folder_without_trees_is_not_a_success(folder: Path) -> None:
+    (folder / "empty").mkdir()
+
+    _, problems = codra("check", "empty", exit_code=2)
+    assert "there is no file of trees in 'empty' or below" in problems
+
+
+def test_a_file_with_a_node_that_only_version_3_has_is_not_converted(folder: Path) -> None:
+    node = '<BlackboardCheckInt value_A="{x}" value_B="3" return_on_mismatch="FAILURE"><A/></BlackboardCheckInt>'
+    (folder / "old.xml").write_text(f'<root BTCPP_format="3"><BehaviorTree ID="A">{node}</BehaviorTree></root>')
+
+    text, problems = codra("convert", "old.xml", exit_code=1)
+    assert text == ""
+    assert "'old.xml' is not converted: version 4 has no BlackboardCheckInt; write Precondition" in problems
+
+
 BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]><root BTCPP_format="4" n="&b;"/>'
 HOSTILE = {
     "entities": BOMB.encode(),

@@ -164,6 +164,7 @@ def convert_command(
 ) -> None:
     """Write a file of trees as version 4: converted from version 3, escaped, and in the layout of codra."""
     from codra_dsl.language.behavior_trees import read, write
+    from codra_dsl.language.behavior_trees.version3 import ONLY_IN_VERSION_3
     from codra_dsl.language.diagnostics import has_errors
     from codra_dsl.language.project import root_of
 
@@ -173,6 +174,10 @@ def convert_command(
     _show_findings(diagnostics, root, color)
     if forest is None or has_errors(diagnostics):
         say(f"'{file}' is not converted: correct its errors first")
+        raise typer.Exit(ExitCode.FAILED)
+    nodes = {node.id for tree in forest.files[0].trees for node in tree.root.walk()}
+    if old_nodes := sorted(nodes & ONLY_IN_VERSION_3):
+        say(f"'{file}' is not converted: version 4 has no {', '.join(old_nodes)}; write Precondition with a script")
         raise typer.Exit(ExitCode.FAILED)
     write_result(write(forest.files[0]).encode(), output)
 
@@ -184,7 +189,10 @@ def _check(paths: Sequence[Path], models: Sequence[Path]) -> tuple[Path, Checked
 
     paths, models = existing(paths), existing(models)
     root = Path(os.path.commonpath([root_of(path) for path in paths]))
-    return root, check_files(paths, models, root)
+    checked_files = check_files(paths, models, root)
+    if not (checked_files.forests or checked_files.diagnostics):
+        raise typer.BadParameter(f"there is no file of trees in '{paths[0]}' or below", param_hint="PATH")
+    return root, checked_files
 
 
 def _triage(

@@ -19,6 +19,9 @@ _NODES = {
     "RetryUntilSuccesful": "RetryUntilSuccessful",
     "SubTreePlus": "SubTree",
 }
+ONLY_IN_VERSION_3 = frozenset(f"BlackboardCheck{type_}" for type_ in ("Int", "Double", "String", "Bool"))
+"""The nodes that are not converted."""
+
 _PARALLEL_PORTS = {
     "threshold": "success_count",
     "success_threshold": "success_count",
