@@ -238,7 +238,7 @@ def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -
 
 def _known_experiments() -> Mapping[str, Experiment]:
     """Return a mapping from names to experiments, after importing everything that experiments and reports need."""
-    from codra_papers.experiments.campaign.interrupts import interrupts_held_back
+    from codra_papers.experiments.interrupts import interrupts_held_back
 
     try:
         with interrupts_held_back():  # some libraries, while they are loaded, turn an interrupt into another error

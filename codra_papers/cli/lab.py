@@ -34,7 +34,7 @@ def lab(request: RunRequest, *, naive: NaiveOption = False) -> None:
     Without --for, the robot completes one sample-processing loop. Without --out, pictures and records go to
     runs/NAME-seed-SEED.
     """
-    from codra_papers.experiments.campaign.interrupts import interrupts_held_back
+    from codra_papers.experiments.interrupts import interrupts_held_back
 
     try:
         with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded

@@ -53,7 +53,7 @@ def store(
 
     Without --for, the run lasts 10 min, or with --page until Ctrl-C. With --out, metrics and weights are drawn.
     """
-    from codra_papers.experiments.campaign.interrupts import interrupts_held_back
+    from codra_papers.experiments.interrupts import interrupts_held_back
 
     if port is not None and not page:
         raise typer.BadParameter("this is the port of the page; add --page", param_hint="--port")

@@ -15,17 +15,26 @@ class TimeIsUp(Exception):  # noqa: N818 - it is the planned end of a run
 class LimitedClock(Clock):
     """A clock that ends every sleep and wait at a given instant; events and work continue as on the original clock."""
 
-    def __init__(self, clock: Clock, end_s: float, report_instant: Callable[[float], None]) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        end_s: float,
+        report_instant: Callable[[float], None],
+        between_events: Callable[[], None] = lambda: None,
+    ) -> None:
         """Limit a clock.
 
         Args:
             clock: the original clock.
             end_s: the instant from which every sleep or wait raises `TimeIsUp`; infinity for never.
             report_instant: a function that is called with the present instant after each sleep.
+            between_events: in simulated time, a function that is called before the first event of each sleep or wait
+                and after each event. An exception that it raises ends the sleep or wait.
         """
         self._clock = clock
         self._end_s = end_s
         self._report_instant = report_instant
+        self._between_events = between_events
 
     def now_s(self) -> float:
         """Return the present instant."""
@@ -38,7 +47,7 @@ class LimitedClock(Clock):
             TimeIsUp: if the end was reached.
         """
         left_s = self._left_s()
-        self._clock.sleep(min(duration_s, left_s))
+        self._clock.wait_until(self._checked(lambda: False), min(duration_s, left_s))
         self._report_instant(self.now_s())
         if duration_s >= left_s:
             raise TimeIsUp
@@ -54,7 +63,7 @@ class LimitedClock(Clock):
             TimeIsUp: if the end was reached first.
         """
         left_s = self._left_s()
-        if self._clock.wait_until(ready, min(timeout_s, left_s)):
+        if self._clock.wait_until(self._checked(ready), min(timeout_s, left_s)):
             return True
         if left_s <= timeout_s and left_s < math.inf:
             raise TimeIsUp
@@ -67,6 +76,13 @@ class LimitedClock(Clock):
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Start a piece of work."""
         return self._clock.start(run, deliver)
+
+    def _checked(self, ready: Callable[[], bool]) -> Callable[[], bool]:
+        def check_and_ask() -> bool:
+            self._between_events()
+            return ready()
+
+        return check_and_ask
 
     def _left_s(self) -> float:
         return max(self._end_s - self.now_s(), 0.0)

@@ -185,6 +185,8 @@ class Replica:
                 for commit in commits:
                     self._receive_commit(commit)
             case StateSnapshot(time=time):
+                if self._has_joined:  # it lacks no commit that others have compacted; a rogue may compact too much
+                    return
                 if self._time.admits(time):
                     self._store(decoded_message)
                 else:

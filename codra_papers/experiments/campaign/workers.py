@@ -27,8 +27,8 @@ import codra_dsl
 from codra_dsl.integrations.inspection import SpecError
 from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
 from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial
-from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 from codra_papers.experiments.campaign.trial_records import ChangedMeanwhileError, TrialRecord
+from codra_papers.experiments.interrupts import interrupts_held_back
 from codra_papers.lab.simulator.gl import GraphicsUnavailableError, choose_backend, use_backend
 
 _SPAWN = multiprocessing.get_context("spawn")

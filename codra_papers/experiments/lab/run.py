@@ -12,6 +12,7 @@ from random import Random
 
 from codra_dsl.runtime import MAIN, Clock, Cost, EventLog, Journal, SimClock, WallClock
 from codra_dsl.runtime.journal import Kind
+from codra_papers.experiments.interrupts import noted_interrupt
 from codra_papers.experiments.lab.arms import Need, Observers
 from codra_papers.experiments.lab.fanout import AskedDecision, Fanout, Manager, SkillSpan
 from codra_papers.experiments.lab.scoring import Piece, Score, held_pieces, pieces, score
@@ -303,9 +304,10 @@ def _make_fanout(
 
 
 def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
-    clock: Clock = SimClock() if settings.pace is Pace.FAST else stack.enter_context(WallClock(start_s=0.0))
     end_s = math.inf if settings.duration_s is None else settings.duration_s
-    return LimitedClock(clock, end_s, settings.progress)
+    if settings.pace is Pace.REAL:
+        return LimitedClock(stack.enter_context(WallClock(start_s=0.0)), end_s, settings.progress)
+    return LimitedClock(SimClock(), end_s, settings.progress, stack.enter_context(noted_interrupt()))
 
 
 def _make_event_log(arm: str, settings: LabSettings) -> EventLog:

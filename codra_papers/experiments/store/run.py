@@ -14,6 +14,7 @@ from typing import Any
 from codra_dsl.runtime import ContextManager, EventLog, Journal, SimClock, WallClock
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.loops import Mape
+from codra_papers.experiments.interrupts import noted_interrupt
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_papers.experiments.pacing import Beat, Pace
 from codra_papers.store.mission.agent import Mission
@@ -113,7 +114,8 @@ def run_store(compiled: CompiledSpec, settings: StoreRunSettings) -> StoreRun:
         OSError: if the page's port is in use.
     """
     with ExitStack() as stack:
-        clock = LimitedClock(SimClock(), settings.duration_s, settings.progress)
+        raise_interrupt = stack.enter_context(noted_interrupt())
+        clock = LimitedClock(SimClock(), settings.duration_s, settings.progress, raise_interrupt)
         record = _event_log(settings)
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
         store = Store(clock, settings.shop, codra.knowledge)

@@ -32,6 +32,10 @@ def test_all_replicas_have_the_same_graph_in_the_end(capsys: pytest.CaptureFixtu
     assert main(RUN_COUNT, 1) == 0, capsys.readouterr().out
 
 
+def test_a_rogue_that_compacts_too_much_takes_no_entry_from_the_others(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(1, 201_504) == 0, capsys.readouterr().out
+
+
 def test_a_seed_determines_all_messages() -> None:
     digests = []
     for _ in range(2):

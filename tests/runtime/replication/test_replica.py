@@ -421,9 +421,11 @@ def test_a_malformed_message_is_refused_and_harms_nothing() -> None:
     robots.clock.sleep(1.2)
     received.append(one._state_snapshot().encode())
 
+    joining = robots.add("three", "one", "two", joins=True)
     random = Random(1)
     for message in (b"", b"[]", b"\xff", b"[" * 100_000, *mutated_messages(received, random)):
         two.receive(message)
+        joining.receive(message)
     robots.clock.sleep(1.0)
 
     assert two.audit.total_count > 50
