@@ -61,8 +61,8 @@ def draw_over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
         caption = (
             f"Seed {seed}. Each lane reaches from 0 to 1, for the battery from 0 to 100 percent; a gap means that the "
-            "value is unknown. The managers 'none' and 'speed only' do not use the weights. Red: the robot moved fast "
-            "near a person. The triangles mark the causes for another course."
+            "value is unknown. The managers 'none' and 'speed only' do not use the weights. Unsafe: the robot moved "
+            "fast near a person. The triangles mark the causes for another course."
         )
         return Drawing(caption=caption, svg=svg_of(figure))
 

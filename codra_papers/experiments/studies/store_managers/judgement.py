@@ -35,14 +35,18 @@ _MAIN_MEASURES = ("missions_per_h", "orders_done_per_h", "unsafe_s_per_h", "batt
 
 _NOTE = (
     "All counts are rates per hour, because shifts have different durations. The actions of people and the orders are "
-    "drawn from the seed before a run begins. docs/papers/store-experiment.md has all definitions. Means are over "
+    "drawn from the seed before a run begins. Without a choice of the course, 'none' drives at 1.2 m/s and 'speed "
+    "only' follows the speed rule of the spec; 'course only' has the loops without this rule; 'threshold' has a tuned "
+    "list of comparisons in place of the loops; 'ours' has the loops, and 'ours tuned' has loops with tuned numbers. "
+    "docs/papers/store-experiment.md has all definitions. Means are over "
     "seeds. Differences are over the same seeds, with 95 % intervals by the bootstrap; the intervals of marked "
     "differences do not contain zero."
 )
 _ANSWER_NOTE = (
     "The rules are the speed rule of the spec alone ('speed only'), and the tuned list of comparisons ('threshold'). "
     "These sentences are computed: an advantage or a disadvantage is one whose paired 95 % interval does not contain "
-    "zero, so about one in twenty is expected by chance."
+    "zero. So, of the differences that do not exist, about one in twenty is named. The number of changes of the course "
+    "is neither good nor bad."
 )
 
 
@@ -119,12 +123,10 @@ def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactio
         means = ", ".join(f"{row.manager} {_number_text(row.mean.value, 2)}" for row in _measure_rows(table, measure))
         yield f"{measure.name} in an hour: {means}."
     all_cause_rows = [row for row in reaction_rows if row.cause is None]
-    reactions_text = ", ".join(
-        f"{row.manager} {' and '.join(_seconds_text(row.quantiles_s[q].value) for q in QUANTILES)} "
-        f"({row.answered} of {row.count} answered)"
-        for row in all_cause_rows
-    )
-    yield f"From cause to switch, median and 99th percentile: {reactions_text}."
+    answered_text = ", ".join(f"{row.manager} {row.answered} of {row.count}" for row in all_cause_rows)
+    median_text = ", ".join(f"{row.manager} {_seconds_text(row.quantiles_s[0.5].value)}" for row in all_cause_rows)
+    yield f"Answered causes for a change of the course: {answered_text}."
+    yield f"Median time from such a cause to the change: {median_text}."
 
 
 def _main_measures() -> Sequence[Measure]:
@@ -134,9 +136,8 @@ def _main_measures() -> Sequence[Measure]:
 def _drain_sentence(runs: Sequence[StoreOutcome]) -> str:
     known_s = sorted(run.drain_known_s for run in runs if run.drain_known_s is not None)
     latest_text = f", at the latest {known_s[-1]:.1f} s after the beginning" if known_s else ""
-    return (
-        f"The drain of the battery (battery_drain) was identified in {len(known_s)} of {len(runs)} runs{latest_text}."
-    )
+    count_text = f"{len(known_s)} of {len(runs)} reported runs"
+    return f"The drain of the battery (battery_drain) was known in {count_text}{latest_text}."
 
 
 def _seeds_sentence(seeds: Sequence[int]) -> str:
@@ -169,8 +170,8 @@ def _differences(table: Sequence[MeasureComparison], reference: str) -> Table:
         if _is_sure(difference)
     )
     return Table(
-        caption=f"The manager's value minus the value of '{reference}', as the mean over seeds. If a difference is "
-        "above zero, the manager's value is larger.",
+        caption=f"The manager's value minus the value of '{reference}', as the mean over seeds. Larger values are "
+        "better in the first two rows, smaller values in the others; changes of the course are neither.",
         header=("In an hour", *names),
         rows=[
             (measure.name, *(interval(difference, 2) for difference in measure_differences))
@@ -221,7 +222,8 @@ def _grid(design: Design, manager: str, search_cells: Sequence[Cell]) -> Table:
     seeds = ", ".join(map(str, design.tuning_seeds))
     caption = (
         f"The cells of '{manager}': means in an hour over the seeds {seeds}. "
-        f"The score is the number of missions minus {UNSAFE_SECOND_COST:g} times the unsafe seconds."
+        f"The score is the number of missions minus {UNSAFE_SECOND_COST:g} times the unsafe seconds. "
+        "docs/papers/store-experiment.md explains the numbers of a cell."
     )
     return plain_table(caption, ("Cell", "Missions", "Unsafe s", "Score", ""), rows)
 
