@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import IntEnum, StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, TextIO, TypeVar
 
 import typer
 
@@ -72,6 +72,7 @@ class FailOn(StrEnum):
 
 
 STANDARD_INPUT = "-"
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,6 +181,22 @@ def choose_format(requested_format: Format | None, output: Path | None = None) -
     return Format.GITHUB if output is None and _in_github_actions() else Format.FULL
 
 
+def choose_by_ending(output: Path | None, choices_by_ending: Mapping[str, _T], noun: str) -> _T:
+    """Return the choice for the ending of a file name. An unknown ending is a usage error.
+
+    Args:
+        output: the file; None for standard output.
+        choices_by_ending: the choices by endings in lower case; the ending "" is that of standard output.
+        noun: what the file shows, such as "picture".
+    """
+    ending = "" if output is None else output.suffix.lower()
+    if ending not in choices_by_ending:
+        endings_text = ", ".join(filter(None, choices_by_ending))
+        message = f"no {noun} has the ending '{ending}': use --format, or one of {endings_text}"
+        raise typer.BadParameter(message, param_hint="--output")
+    return choices_by_ending[ending]
+
+
 def text_for_log(text: str) -> str:
     """Return a text for standard output. In GitHub Actions, replace texts that the runner would read as commands."""
     if not _in_github_actions():
@@ -256,6 +273,13 @@ def counts_text(diagnostics: Sequence[Diagnostic]) -> str:
     counts_and_nouns = ((error_count, "error"), (len(diagnostics) - error_count, "warning"))
     count_texts = [f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts_and_nouns if count]
     return ", ".join(count_texts) or "no findings"
+
+
+def say_findings(diagnostics: Sequence[Diagnostic], root: Path, colour: Colour) -> None:
+    """Write findings and their number to standard error, because standard output is for another result."""
+    if diagnostics:
+        text = View(root=root, format=Format.FULL, colour=colour).render(diagnostics, sys.stderr)
+        say(f"{text}{counts_text(diagnostics)}", is_rendered=True)
 
 
 def say(text: str, *, is_rendered: bool = False) -> None:

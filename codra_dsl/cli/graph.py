@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,13 +12,12 @@ from codra_dsl.cli.console import (
     Colour,
     ExitCode,
     FailOn,
-    Format,
-    View,
+    choose_by_ending,
     common_root,
-    counts_text,
     existing,
     is_failure,
     say,
+    say_findings,
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, OutputOption, SitesOption, Specs
@@ -87,13 +84,11 @@ def graph_command(
     from codra_dsl.tooling.report.graphs import graph_of
 
     paths, sites = existing(paths), existing(site or ())
-    graph_format = FORMATS[format_] if format_ is not None else _choose_format(output)
+    formats = {"": DEFAULT_FORMAT, **format_by_ending()}
+    graph_format = FORMATS[format_] if format_ is not None else choose_by_ending(output, formats, "graph format")
     root = common_root([*paths, *sites])
     planning_result = plan_paths(paths, root, sites=sites)
-    if planning_result.diagnostics:
-        view = View(root=root, format=Format.FULL, colour=color)
-        text = view.render(planning_result.diagnostics, sys.stderr)
-        say(f"{text}{counts_text(planning_result.diagnostics)}", is_rendered=True)
+    say_findings(planning_result.diagnostics, root, color)
     if is_failure(planning_result.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
     graph = _select_part(graph_of(planning_result.plans), select or (), exclude or ())
@@ -103,20 +98,6 @@ def graph_command(
         boxes = f"{len(graph.elements)} nodes are drawn as {len(picture.elements)}"
         say(f"{boxes}: --all draws every node, --unfold NAME those of one box, --select +NAME what NAME needs")
     write_result(_render(graph, picture, graph_format), output)
-
-
-def _choose_format(output: Path | None) -> GraphFormat:
-    """Return the format for the ending of a file name. An unknown ending is a usage error."""
-    if output is None or not output.suffix:
-        return DEFAULT_FORMAT
-    known_formats = format_by_ending()
-    graph_format = known_formats.get(output.suffix.lower())
-    if graph_format is None:
-        message = (
-            f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(known_formats)}"
-        )
-        raise typer.BadParameter(message, param_hint="--output")
-    return graph_format
 
 
 def _select_part(graph: Graph, include_selectors: Sequence[str], exclude_selectors: Sequence[str]) -> Graph:

@@ -14,6 +14,7 @@ import typer
 from codra_dsl.cli.console import (
     Colour,
     ExitCode,
+    choose_by_ending,
     common_root,
     existing,
     missing_package_text,
@@ -71,6 +72,12 @@ FormatOption = Annotated[
     SweepFormat | None,
     typer.Option("--format", help="The format.  [default: from the ending of FILE, else text]", show_default=False),
 ]
+_FORMAT_BY_ENDING = {
+    "": SweepFormat.TEXT,
+    ".txt": SweepFormat.TEXT,
+    ".json": SweepFormat.JSON,
+    ".svg": SweepFormat.SVG,
+}
 _MAX_VARIED_INPUTS = 2
 
 
@@ -86,7 +93,7 @@ def sweep_command(
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Vary inputs of fuzzy rules: show where and by which rule the course switches, and if each metric is monotone."""
-    chosen_format = format_ or _choose_format(output)
+    chosen_format = format_ or choose_by_ending(output, _FORMAT_BY_ENDING, "sweep format")
     (spec,) = existing([spec])
     if len(vary or ()) > _MAX_VARIED_INPUTS:
         raise typer.BadParameter(f"at most {_MAX_VARIED_INPUTS} inputs can be varied at once", param_hint="--vary")
@@ -105,16 +112,6 @@ def sweep_command(
         except SweepError as error:
             raise typer.BadParameter(str(error), param_hint="SPEC" if course is None else "--course") from error
         write_result(_render(sweep_subject, vary or (), with_ or (), steps, chosen_format), output)
-
-
-def _choose_format(output: Path | None) -> SweepFormat:
-    """Return the format for the ending of a file name. An unknown ending is a usage error."""
-    formats = {"": SweepFormat.TEXT, ".txt": SweepFormat.TEXT, ".json": SweepFormat.JSON, ".svg": SweepFormat.SVG}
-    ending = "" if output is None else output.suffix.lower()
-    if ending not in formats:
-        message = f"no sweep format has the ending '{ending}': use --format, or one of .txt, .json, .svg"
-        raise typer.BadParameter(message, param_hint="--output")
-    return formats[ending]
 
 
 def _render(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -12,25 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from codra_dsl.cli.arguments import QuickCommand
-from codra_dsl.cli.console import (
-    Colour,
-    ExitCode,
-    Format,
-    View,
-    choose_failure_threshold,
-    choose_format,
-    counts_text,
-    existing,
-    is_failure,
-    say,
-    write_result,
-)
+from codra_dsl.cli.console import Colour, ExitCode, choose_by_ending, existing, say, say_findings, write_result
+from codra_dsl.cli.files.checking import Report, count_text, root_of_files
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, OutputOption
 
 if TYPE_CHECKING:
     from codra_dsl.language.behavior_trees.folders import CheckedFiles
-    from codra_dsl.language.diagnostics import Diagnostic
-    from codra_dsl.workspace.suppression.settings import Settings
 
 TreePaths = Annotated[
     list[Path],
@@ -102,19 +87,20 @@ def check_command(
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Check files of trees. Nothing that they name is run."""
-    from codra_dsl.workspace.suppression.settings import settings_of
-
     root, checked_files = _check(paths, models or ())
-    settings, settings_findings = settings_of(root)
-    diagnostics = _triage([*settings_findings, *checked_files.diagnostics], settings, checked_files, paths, root)
-    threshold = choose_failure_threshold(fail_on, settings.fail_on)
-    files = sorted({file.file for forest in checked_files.forests for file in forest.files[:1]})
-    view = View(root=root, format=choose_format(format_, output), colour=color, fail_on=threshold, title="codra trees")
-    view.show(diagnostics, files, output)
+    files = sorted({forest.files[0].file for forest in checked_files.forests})
+    other_files = {file.file for forest in checked_files.forests for file in forest.files[1:]}
     tree_count = sum(len(forest.files[0].trees) for forest in checked_files.forests)
-    say(f"{_count_text(tree_count, 'tree')} in {_count_text(len(files), 'file')}: {counts_text(diagnostics)}")
-    view.suggest_explain_command(diagnostics)
-    raise typer.Exit(ExitCode.FAILED if is_failure(diagnostics, threshold) else ExitCode.CLEAN)
+    report = Report(
+        command="codra trees",
+        paths=paths,
+        root=root,
+        format=format_,
+        output=output,
+        fail_on=fail_on,
+        colour=color,
+    )
+    report.finish(checked_files.diagnostics, files, count_text(tree_count, "tree"), other_files)
 
 
 @trees_commands.command("graph", cls=QuickCommand)
@@ -131,9 +117,9 @@ def graph_command(
     from codra_dsl.tooling.report.dot import DrawingError
     from codra_dsl.tooling.report.tree_pictures import picture_of
 
-    picture_format = _picture_format(output) if format_ is None else format_
+    picture_format = format_ or choose_by_ending(output, _FORMAT_BY_ENDING, "picture")
     root, checked_files = _check(paths, models or ())
-    _show_findings(checked_files.diagnostics, root, color)
+    say_findings(checked_files.diagnostics, root, color)
     ids = [tree.id for forest in checked_files.forests for tree in forest.trees]
     unknown_id = next((name for name in tree or () if name not in ids), None)
     if unknown_id is not None:
@@ -171,7 +157,7 @@ def convert_command(
     (file,) = existing([file])
     root = root_of(file)
     forest, diagnostics = read(file, root)
-    _show_findings(diagnostics, root, color)
+    say_findings(diagnostics, root, color)
     if forest is None or has_errors(diagnostics):
         say(f"'{file}' is not converted: correct its errors first")
         raise typer.Exit(ExitCode.FAILED)
@@ -185,46 +171,10 @@ def convert_command(
 def _check(paths: Sequence[Path], models: Sequence[Path]) -> tuple[Path, CheckedFiles]:
     """Return the folder to which paths in findings are relative, and the checked files."""
     from codra_dsl.language.behavior_trees.folders import check_files
-    from codra_dsl.language.project import root_of
 
     paths, models = existing(paths), existing(models)
-    root = Path(os.path.commonpath([root_of(path) for path in paths]))
+    root = root_of_files(paths)
     checked_files = check_files(paths, models, root)
     if not (checked_files.forests or checked_files.diagnostics):
         raise typer.BadParameter(f"there is no file of trees in '{paths[0]}' or below", param_hint="PATH")
     return root, checked_files
-
-
-def _triage(
-    diagnostics: Sequence[Diagnostic],
-    settings: Settings,
-    checked_files: CheckedFiles,
-    paths: Sequence[Path],
-    root: Path,
-) -> tuple[Diagnostic, ...]:
-    """Apply the project's settings and the comments in the files to findings."""
-    from codra_dsl.language.project import relative_path
-    from codra_dsl.workspace.suppression.suppressions import read_sources, triage
-
-    files = {file.file for forest in checked_files.forests for file in forest.files}
-    sources = read_sources(files, [relative_path(path, root) for path in paths], root)
-    return triage(diagnostics, settings, sources, has_all_findings=False)
-
-
-def _show_findings(diagnostics: Sequence[Diagnostic], root: Path, colour: Colour) -> None:
-    if diagnostics:
-        text = View(root=root, format=Format.FULL, colour=colour).render(diagnostics, sys.stderr)
-        say(f"{text}{counts_text(diagnostics)}", is_rendered=True)
-
-
-def _picture_format(output: Path | None) -> PictureFormat:
-    ending = "" if output is None else output.suffix.lower()
-    if ending not in _FORMAT_BY_ENDING:
-        endings_text = ", ".join(filter(None, _FORMAT_BY_ENDING))
-        message = f"no picture has the ending '{ending}': use --format, or one of {endings_text}"
-        raise typer.BadParameter(message, param_hint="--output")
-    return _FORMAT_BY_ENDING[ending]
-
-
-def _count_text(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from types import ModuleType
 
@@ -24,6 +26,7 @@ __all__ = [
     "draw_memberships",
     "draw_surface",
     "load_engine",
+    "memberships_picture",
     "surface",
 ]
 
@@ -46,12 +49,22 @@ def draw_memberships(path: Path, engine: Engine) -> None:
         path: the file of the picture; its suffix (`.png`, `.svg`) determines the format.
         engine: an engine whose variables have finite ranges.
     """
-    variables = engine.variables
+    path.write_bytes(memberships_picture(engine.variables, path.suffix.removeprefix(".") or "png"))
+
+
+def memberships_picture(variables: Sequence[Variable], format_: str) -> bytes:
+    """Return the picture that `draw_memberships` draws.
+
+    Args:
+        variables: at least one variable; their ranges are finite.
+        format_: `png`, `svg`, or another format of matplotlib.
+    """
     row_count = -(-len(variables) // _COLUMN_COUNT)
-    figure = Figure(figsize=(4.2 * _COLUMN_COUNT, 2.3 * row_count), layout="constrained")
+    figure = Figure(figsize=(4.2 * min(_COLUMN_COUNT, len(variables)), 2.3 * row_count), layout="constrained")
     for index, variable in enumerate(variables):
-        _draw_terms(figure.add_subplot(row_count, _COLUMN_COUNT, index + 1), variable)
-    _save(figure, path)
+        axes = figure.add_subplot(row_count, min(_COLUMN_COUNT, len(variables)), index + 1)
+        _draw_terms(axes, variable)
+    return _rendered(figure, format_)
 
 
 def draw_surface(
@@ -78,7 +91,7 @@ def draw_surface(
     axes.set_ylabel(y_variable.name)
     axes.set_title(output, fontsize=10, loc="left")
     figure.colorbar(picture, ax=axes)
-    _save(figure, path)
+    path.write_bytes(_rendered(figure, path.suffix.removeprefix(".") or "png"))
 
 
 def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float]) -> NDArray[np.float64]:
@@ -118,6 +131,10 @@ def _membership(term: AnyTerm) -> Callable[[float], float] | None:
     return degree
 
 
-def _save(figure: Figure, path: Path) -> None:
-    with mpl.rc_context({"svg.hashsalt": "codra"}):
-        figure.savefig(path, dpi=90, metadata={"Date": None} if path.suffix == ".svg" else None)
+def _rendered(figure: Figure, format_: str) -> bytes:
+    """Return a figure as a file. Warnings are ignored: they are about letters that the font does not have."""
+    buffer = BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "codra"}), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        figure.savefig(buffer, format=format_, dpi=90, metadata={"Date": None} if format_ == "svg" else None)
+    return buffer.getvalue()

@@ -7,7 +7,7 @@ from dataclasses import field
 from itertools import pairwise
 from typing import TypeVar
 
-from codra_dsl.language.diagnostics import Diagnostic, Place, Span
+from codra_dsl.language.diagnostics import Diagnostic, Place, Span, has_errors
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.antecedents import Names, parse_rule
 from codra_dsl.language.fuzzy.check import engine_problems
@@ -36,6 +36,7 @@ from codra_dsl.language.fuzzy.source import (
     shown,
     split,
 )
+from codra_dsl.language.fuzzy.version5 import convert_from_version_5
 from codra_dsl.language.fuzzy.words import (
     FORMULA,
     KEYWORDS,
@@ -72,7 +73,7 @@ class Read:
     """The result of reading a text.
 
     Attributes:
-        engine: None if there are findings.
+        engine: None if there are errors.
         findings: the findings, in the order of the text.
     """
 
@@ -90,7 +91,7 @@ class _Section:
 
 
 def read_fll(data: bytes, file: str) -> Read:
-    """Read an engine.
+    """Read an engine of FuzzyLite 6. An engine of FuzzyLite 5 is converted, with a warning.
 
     Args:
         data: the text in UTF-8.
@@ -100,9 +101,10 @@ def read_fll(data: bytes, file: str) -> Read:
     text = decode(data, file, findings)
     if text is None:
         return Read(None, findings.all())
-    engine = _Builder(findings, file).engine(_sections(lines(text, file, findings), findings))
+    definitions = convert_from_version_5(lines(text, file, findings), findings)
+    engine = _Builder(findings, file).engine(_sections(definitions, findings))
     diagnostics = findings.all()
-    return Read(None if diagnostics else engine, diagnostics)
+    return Read(None if has_errors(diagnostics) else engine, diagnostics)
 
 
 def _sections(definitions: Iterable[Line], findings: Findings) -> list[_Section]:
@@ -121,10 +123,7 @@ def _sections(definitions: Iterable[Line], findings: Findings) -> list[_Section]
 def _add_line(line: Line, section: _Section, findings: Findings) -> None:
     key, kind = line.key, section.head.key.text
     if key.text not in _KEYS[kind]:
-        replacement = "'aggregation'" if key.text == "accumulation" else None
-        findings.report_unknown(
-            "fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS), replacement=replacement
-        )
+        findings.report_unknown("fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS))
     elif key.text in _REPEATABLE_KEYS:
         section.repeated_lines.append(line)
     elif key.text in section.single_values:
@@ -176,7 +175,7 @@ class _Builder:
         return engine
 
     def _report_engine_problems(self, engine: Engine) -> None:
-        if self._findings.all():
+        if has_errors(self._findings.all()):
             return  # a part that seems to be missing may be one that could not be read
         for problem in engine_problems(engine):
             self._findings.add(problem.rule, problem.message, self._places[problem.location], problem.help)
@@ -284,9 +283,7 @@ class _Builder:
             return None
         members_by_text = {str(member): member for member in kind}
         if word.text not in members_by_text:
-            is_old = noun == "activation" and word.text in list(TNorm)
-            replacement = f"'implication: {word.text}' and 'activation: General'" if is_old else None
-            self._findings.report_unknown("fll-unknown-word", noun, word, members_by_text, replacement=replacement)
+            self._findings.report_unknown("fll-unknown-word", noun, word, members_by_text)
         return members_by_text.get(word.text)
 
     def _defuzzifier(self, word: Word | None) -> Defuzzifier | None:

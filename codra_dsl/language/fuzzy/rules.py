@@ -20,5 +20,6 @@ RULES = rules(
     ("CDR2211", "fll-unknown-name", _ERROR),
     ("CDR2212", "fll-missing", _ERROR),
     ("CDR2213", "fll-unfit-term", _ERROR),
+    ("CDR2214", "fll-version-5", Severity.WARNING),
 )
 """The rules of findings about FLL, by name."""

@@ -66,25 +66,13 @@ class Findings:
         """Return the findings in the order of the text."""
         return tuple(sorted(self._findings, key=lambda finding: finding.place.span))
 
-    def report_unknown(
-        self, rule: str, noun: str, word: Word, known: Iterable[str], *, replacement: str | None = None
-    ) -> None:
-        """Report a word that is not one of the known words.
-
-        Args:
-            rule: the rule.
-            noun: what the word names.
-            word: the word.
-            known: the known words.
-            replacement: what FuzzyLite 6 writes instead, for a word of FuzzyLite 5.
-        """
+    def report_unknown(self, rule: str, noun: str, word: Word, known: Iterable[str]) -> None:
+        """Report a word that is not one of the known words. The noun states what the word names."""
         names = sorted(known)
         suggestion = suggest(word.text, names)
         allowed_names = ", ".join(names[:MAX_LISTED]) + (", ..." if len(names) > MAX_LISTED else "")
         help = (
-            f"this is FuzzyLite 5; in version 6, write {replacement}"
-            if replacement
-            else f"did you mean '{suggestion}'?"
+            f"did you mean '{suggestion}'?"
             if suggestion
             else f"allowed: {allowed_names}"
             if names

@@ -8,8 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codra_dsl.language.diagnostics import Severity
 from codra_dsl.language.fuzzy import compile_engine, read_fll, write_fll
+from codra_dsl.language.fuzzy.model import Activation
 from codra_dsl.language.fuzzy.source import MAX_BYTES, MAX_FINDINGS, MAX_LINES
+from codra_dsl.language.fuzzy.words import Method
 from tests.language.fuzzy.engines import FOLDER, NAMES, loaded, stored
 
 GOOD = """\
@@ -135,15 +138,40 @@ def test_a_sign_in_place_of_a_keyword_is_replaced_and_a_missing_keyword_is_added
     assert (sign.help, nothing.help) == ("write 'is' instead", "write 'is' before it")
 
 
-def test_the_help_for_words_of_fuzzylite_5_is_the_form_of_version_6() -> None:
-    old = GOOD.replace("aggregation: Maximum", "accumulation: Maximum").replace(
-        "activation: General", "activation: Minimum"
-    )
-    helps = [finding.help for finding in read_fll(old.encode(), "old.fll").findings]
+def of_version_5(text: str) -> str:
+    """Return an engine as FuzzyLite 5 writes it."""
+    text = text.replace("aggregation:", "accumulation:").replace("lock-previous:", "lock-valid:")
+    return text.replace("  implication: Minimum\n", "").replace("activation: General", "activation: Minimum")
 
-    assert helps == [
-        "this is FuzzyLite 5; in version 6, write 'aggregation'",
-        "this is FuzzyLite 5; in version 6, write 'implication: Minimum' and 'activation: General'",
+
+def test_an_engine_of_fuzzylite_5_is_read_as_that_of_version_6_and_reported_once() -> None:
+    read = read_fll(of_version_5(GOOD).encode(), "old.fll")
+
+    assert read.engine is not None
+    assert read.engine == read_fll(GOOD.encode(), "fan.fll").engine
+    (finding,) = read.findings
+    assert (finding.rule.name, finding.severity) == ("fll-version-5", Severity.WARNING)
+    assert finding.place.span.line == of_version_5(GOOD).splitlines().index("  accumulation: Maximum") + 1
+    assert finding.help == (
+        "in version 6, write 'aggregation' for 'accumulation'; 'lock-previous' for 'lock-valid'; "
+        "'implication: Minimum' and 'activation: General' for 'activation: Minimum'"
+    )
+
+
+def test_an_engine_of_fuzzylite_5_without_a_norm_for_conclusions_has_general_activation() -> None:
+    old = of_version_5(GOOD).replace("activation: Minimum", "activation: none")
+    old = old.replace("Centroid 100", "WeightedAverage TakagiSugeno")
+    engine = read_fll(old.encode(), "old.fll").engine
+
+    assert engine is not None
+    assert engine.blocks[0].implication is None
+    assert engine.blocks[0].activation == Activation(method=Method.GENERAL)
+
+
+def test_mistakes_in_an_engine_of_fuzzylite_5_are_reported_beside_its_version() -> None:
+    assert [text.split()[1] for text in finding_texts(of_version_5(GOOD).replace("heat is cold", "heat is cool"))] == [
+        "fll-version-5:",
+        "fll-unknown-name:",
     ]
 
 
