@@ -40,6 +40,7 @@ _COMMANDS = {
     "journal": "codra_dsl.cli.journal:journal_commands",
     "trees": "codra_dsl.cli.files.trees:trees_commands",
     "fuzzy": "codra_dsl.cli.files.fuzzy:fuzzy_commands",
+    "knowledge": "codra_dsl.cli.files.knowledge:knowledge_commands",
     "language-server": "codra_dsl.cli.editors.language_server:language_server_command",
 }
 """The commands in the order in which the help lists them."""

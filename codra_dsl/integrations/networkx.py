@@ -12,15 +12,17 @@ import json
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, NamedTuple, cast
+from xml.etree import ElementTree
 from xml.etree.ElementTree import ParseError
 
 import networkx
 
 from codra_dsl.regular_files import replace_file
 from codra_dsl.runtime.knowledge.exchange import DsrEdge, DsrGraph, DsrNode, DsrValue, ExchangeError
-from codra_dsl.runtime.knowledge.exchange.document import MAX_NODE_NUMBER, encode_value
+from codra_dsl.runtime.knowledge.exchange.document import MAX_NODE_NUMBER, PlacedError, encode_value
 from codra_dsl.runtime.knowledge.exchange.dsr_json import check_json, read_text
 
 __all__ = ["from_networkx", "graphml_text", "parse_graphml", "read_graphml", "to_networkx", "write_graphml"]
@@ -35,6 +37,8 @@ _JSON_KINDS_KEY = "json"
 
 _XML_TEXT_PATTERN = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
 """The texts that XML can write and return unchanged."""
+
+_GRAPHML = "{http://graphml.graphdrawing.org/xmlns}"
 
 _READ_ERRORS = (
     *(ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, RecursionError, Warning),
@@ -78,7 +82,7 @@ def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
         ExchangeError: if the graph is not directed, or contains a value without a DSR type.
     """
     if not graph.is_directed():
-        raise ExchangeError("the graph is not directed: convert it with to_directed()")
+        raise ExchangeError("the graph is not directed: convert it with to_directed(), or read it with both_ways=True")
     dsr_data_of_nodes = {name: _read_dsr_data(data, f"node {name!r}") for name, data in graph.nodes(data=True)}
     node_numbers = _node_numbers(dsr_data_of_nodes)
     nodes = [
@@ -118,13 +122,17 @@ def write_graphml(path: Path | str, graph: DsrGraph) -> None:
     replace_file(Path(path), graphml_text(graph).encode())
 
 
-def read_graphml(path: Path | str) -> DsrGraph:
+def read_graphml(path: Path | str, *, both_ways: bool = False) -> DsrGraph:
     """Return the graph of any GraphML file.
+
+    Args:
+        path: the file.
+        both_ways: whether an undirected edge is read as two edges, one in each direction, instead of refused.
 
     Raises:
         ExchangeError: if the file cannot be read, or is not GraphML.
     """
-    return parse_graphml(read_text(Path(path)), str(path))
+    return parse_graphml(read_text(Path(path)), str(path), both_ways=both_ways)
 
 
 def graphml_text(graph: DsrGraph) -> str:
@@ -149,12 +157,13 @@ def graphml_text(graph: DsrGraph) -> str:
     return buffer.getvalue().decode("utf-8")
 
 
-def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
+def parse_graphml(text: str, source: str = "<text>", *, both_ways: bool = False) -> DsrGraph:
     """Return the graph in a GraphML text.
 
     Args:
         text: the text of the file.
         source: the name of the file in messages.
+        both_ways: whether an undirected edge is read as two edges, one in each direction, instead of refused.
 
     Raises:
         ExchangeError: if the text is not GraphML.
@@ -164,17 +173,20 @@ def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # networkx warns when it only guesses; a guess could lose data
-            parsed_graph = networkx.read_graphml(io.BytesIO(text.encode("utf-8", "replace")), force_multigraph=True)
-        for data in (
+            warnings.filterwarnings("ignore", "No key type")  # the values of such keys are kept as texts
+            data = (_with_two_edges(text) if both_ways else text).encode("utf-8", "replace")
+            parsed_graph = networkx.read_graphml(io.BytesIO(data), force_multigraph=True)
+        for attributes in (
             parsed_graph.graph,
-            *(data for _, data in parsed_graph.nodes(data=True)),
+            *(attributes for _, attributes in parsed_graph.nodes(data=True)),
             *(edge[2] for edge in parsed_graph.edges.data()),
         ):
-            _decode_json(data)
+            _decode_json(attributes)
         return from_networkx(_with_label_keys(parsed_graph))
     except ParseError as error:
         line, column = error.position
-        raise ExchangeError(f"{source}:{line}:{column + 1}: this is not XML: {error.msg.split(':')[0]}") from None
+        reason = f"this is not XML: {error.msg.split(':')[0]}"
+        raise PlacedError(source, reason, position=(line, column + 1)) from None
     except ExchangeError as error:
         raise ExchangeError(f"{source}: {error}") from None
     except _READ_ERRORS as error:
@@ -284,6 +296,23 @@ def _avoid_label_key(name: str) -> str:
     return f"{name}_" if name.rstrip("_") == LABEL_KEY else name
 
 
+def _with_two_edges(text: str) -> str:
+    """Return GraphML in which each undirected edge is replaced by two edges, one in each direction."""
+    root = ElementTree.fromstring(text)
+    for graph in root.iter(f"{_GRAPHML}graph"):
+        default = graph.get("edgedefault") == "directed"
+        graph.set("edgedefault", "directed")
+        for edge in graph.findall(f"{_GRAPHML}edge"):
+            if edge.get("directed") != "true" and not (default and edge.get("directed") is None):
+                edge.set("directed", "true")
+                origin, target = edge.get("source", ""), edge.get("target", "")
+                if origin != target:
+                    opposite_edge = deepcopy(edge)
+                    opposite_edge.attrib.update(source=target, target=origin)
+                    graph.append(opposite_edge)
+    return ElementTree.tostring(root, "unicode")
+
+
 def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
     """Return a graph that was read from GraphML; if an edge has a label, the label becomes the key of the edge."""
     if not parsed_graph.is_directed():
@@ -351,6 +380,8 @@ def _xml_name(name: str) -> str:
 
 
 def _decode_json(data: dict[str, Any]) -> None:
+    for key in [key for key, value in data.items() if value is None]:  # an empty label of yEd
+        del data[key]
     kinds_text = data.pop(_JSON_KINDS_KEY, None)
     json_kinds = json.loads(kinds_text) if isinstance(kinds_text, str) else {}
     for key, kind in json_kinds.items():

@@ -29,6 +29,7 @@ FAMILIES: Mapping[str, str] = {
     "CDR2": "Shape",
     "CDR22": "FLL",
     "CDR23": "Shape of trees",
+    "CDR24": "Files of knowledge graphs",
     "CDR3": "Names, parts and templates",
     "CDR31": "References and sources",
     "CDR33": "Names in trees",

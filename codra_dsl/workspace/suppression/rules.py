@@ -7,7 +7,7 @@ from functools import cache
 
 from codra_dsl.generation import output
 from codra_dsl.language import behavior_trees as trees
-from codra_dsl.language import check, fuzzy, load
+from codra_dsl.language import check, fuzzy, knowledge_files, load
 from codra_dsl.language.diagnostics import Rule, Severity, rules, suggest
 
 RULES = rules(
@@ -30,8 +30,8 @@ OWN_PREFIX = "CDR79"
 
 @cache
 def known_rules() -> Mapping[str, Rule]:
-    """Return all rules of findings about specs, trees and fuzzy engines; the key is the code of the rule."""
-    tables = (load.RULES, fuzzy.RULES, trees.RULES, check.RULES, output.RULES, RULES)
+    """Return all rules of findings about specs and other files; the key is the code of the rule."""
+    tables = (load.RULES, fuzzy.RULES, trees.RULES, knowledge_files.RULES, check.RULES, output.RULES, RULES)
     return {rule.code: rule for table in tables for rule in table.values()}
 
 

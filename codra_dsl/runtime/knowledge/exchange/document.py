@@ -7,6 +7,7 @@ as doubles.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -22,6 +23,39 @@ _INTEGER_PATTERN = re.compile(r"[+-]?[0-9]{1,20}")
 
 class ExchangeError(ValueError):
     """The input is not a graph; the message states the place, the mistake and the correction."""
+
+
+class PlacedError(ExchangeError):
+    """A mistake in a file.
+
+    Attributes:
+        reason: the message without the file and the place.
+        path: the keys and indices in JSON from the top of the file to the mistake.
+        position: the line and the column, where the text is neither JSON nor XML.
+        is_missing_node: whether the mistake is an edge whose origin or target does not exist.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        reason: str,
+        path: tuple[str | int, ...] | None = None,
+        *,
+        position: tuple[int, int] | None = None,
+        is_missing_node: bool = False,
+    ) -> None:
+        self.reason = reason
+        self.path = path or ()
+        self.position = position
+        self.is_missing_node = is_missing_node
+        line_and_column = "" if position is None else f":{position[0]}:{position[1]}"
+        path_text = "" if path is None else f" {_path_text(path)}:"
+        super().__init__(f"{source}{line_and_column}:{path_text} {reason}")
+
+
+def _path_text(path: tuple[str | int, ...]) -> str:
+    steps = (f".{step}" if str(step).isidentifier() else f"[{json.dumps(step)}]" for step in path)
+    return f"${''.join(steps)}"
 
 
 class ValueCode(IntEnum):

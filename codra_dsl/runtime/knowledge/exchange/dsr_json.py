@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn, cast
 
@@ -18,6 +19,7 @@ from codra_dsl.runtime.knowledge.exchange.document import (
     DsrNode,
     DsrValue,
     ExchangeError,
+    PlacedError,
     ValueCode,
     parse_value,
     to_json_value,
@@ -28,6 +30,12 @@ MAX_BYTES = 64 * 2**20
 
 MAX_DEPTH = 40
 """The maximum nesting depth of objects and lists."""
+
+_MAX_DIGITS = 20
+"""The maximum number of digits of the number of a node."""
+
+MAX_ERRORS = 200
+"""The maximum number of mistakes that are collected in one file."""
 
 _JsonObject = Mapping[str, object]
 
@@ -42,13 +50,17 @@ class _ObjectWithDuplicateKey(dict[str, object]):
     key: str = ""
 
 
-def read_dsr(path: Path | str) -> DsrGraph:
+def read_dsr(path: Path | str, *, skip_missing_nodes: bool = False) -> DsrGraph:
     """Return the graph of a JSON file of RoboComp's DSR.
+
+    Args:
+        path: the file.
+        skip_missing_nodes: whether to leave out edges whose origin or target does not exist, instead of refusing them.
 
     Raises:
         ExchangeError: if the file cannot be read, or is not a DSR file.
     """
-    return parse_dsr(read_text(Path(path)), str(path))
+    return parse_dsr(read_text(Path(path)), str(path), skip_missing_nodes=skip_missing_nodes)
 
 
 def read_text(path: Path) -> str:
@@ -64,43 +76,72 @@ def read_text(path: Path) -> str:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise ExchangeError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    return decode_text(content, str(path))
+
+
+def decode_text(content: bytes, source: str) -> str:
+    """Return the bytes of a file as text.
+
+    Raises:
+        ExchangeError: if there are too many bytes, or they are not UTF-8.
+    """
     if len(content) > MAX_BYTES:
-        raise ExchangeError(f"{path}: it has more than {MAX_BYTES} bytes: leave out images and point clouds")
+        raise PlacedError(source, f"it has more than {MAX_BYTES} bytes: leave out images and point clouds")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise ExchangeError(f"{path}:{line}: a byte is not valid UTF-8: save the file as UTF-8") from None
+        before = content[: error.start]
+        position = before.count(b"\n") + 1, len(before.rpartition(b"\n")[2].decode()) + 1
+        raise PlacedError(source, "a byte is not valid UTF-8: save the file as UTF-8", position=position) from None
 
 
-def parse_dsr(text: str, source: str = "<text>") -> DsrGraph:
+def parse_dsr(text: str, source: str = "<text>", *, skip_missing_nodes: bool = False) -> DsrGraph:
     """Return the graph of a JSON text in the format of RoboComp's DSR.
 
     Args:
         text: the text of the file.
         source: the name of the file in messages.
+        skip_missing_nodes: whether to leave out edges whose origin or target does not exist, instead of refusing them.
 
     Raises:
         ExchangeError: if the text is not a DSR file.
     """
-    top_object = _require_object(_parse_json(text, source), _Place(source, "$"))
-    place = _Place(source, "$").key("DSRModel")
-    if "DSRModel" not in top_object:
-        place.raise_error('the key is missing: a DSR file is {"DSRModel": {"symbols": {...}}}')
-    model = _require_object(top_object["DSRModel"], place)
+    graph, errors = examine_dsr(text, source)
+    for error in errors:
+        if not (skip_missing_nodes and error.is_missing_node):
+            raise error
+    return graph
+
+
+def examine_dsr(text: str, source: str) -> tuple[DsrGraph, tuple[PlacedError, ...]]:
+    """Return the parts of a DSR file that can be read, and all mistakes in the other parts."""
+    errors: list[PlacedError] = []
+    top_object: _JsonObject = {}
+    model: _JsonObject = {}
+    nodes: list[DsrNode] = []
+    edges_and_places: list[tuple[DsrEdge, _Place]] = []
+    place = _Place(source).key("DSRModel")
     symbols_place = place.key("symbols")
-    nodes, edges_and_places = [], []
-    for key, symbol in _require_object(model.get("symbols", {}), symbols_place).items():
-        node, node_edges_and_places = _parse_node(key, symbol, symbols_place.key(key))
-        nodes.append(node)
-        edges_and_places.extend(node_edges_and_places)
-    _check_nodes(nodes, symbols_place)
-    return DsrGraph(
+    known_numbers: set[int] = set()
+    with _collected(errors):
+        top_object = _require_object(_parse_json(text, source), _Place(source))
+        if "DSRModel" not in top_object:
+            place.raise_error('the key is missing: a DSR file is {"DSRModel": {"symbols": {...}}}')
+        model = _require_object(top_object["DSRModel"], place)
+        for key, symbol in _require_object(model.get("symbols", {}), symbols_place).items():
+            known_numbers |= {int(key)} if key.isdecimal() and len(key) <= _MAX_DIGITS else set()
+            with _collected(errors):
+                node, node_edges_and_places = _parse_node(key, symbol, symbols_place.key(key), errors)
+                nodes.append(node)
+                edges_and_places.extend(node_edges_and_places)
+    _check_nodes(nodes, symbols_place, errors)
+    graph = DsrGraph(
         nodes=tuple(nodes),
-        edges=tuple(_checked_edges(edges_and_places, {node.number for node in nodes})),
+        edges=tuple(_checked_edges(edges_and_places, known_numbers, errors)),
         extra=_without_keys(top_object, "DSRModel"),
         model_extra=_without_keys(model, "symbols"),
     )
+    return graph, tuple(errors)
 
 
 def write_dsr(path: Path | str, graph: DsrGraph) -> None:
@@ -158,7 +199,7 @@ def check_json(tree: object, source: str) -> None:
     Raises:
         ExchangeError: if an object has a duplicate key, a text has a lone surrogate, or the nesting is too deep.
     """
-    pending_values: list[tuple[object, _Place, int]] = [(tree, _Place(source, "$"), 1)]
+    pending_values: list[tuple[object, _Place, int]] = [(tree, _Place(source), 1)]
     while pending_values:
         json_data, place, depth = pending_values.pop()
         if isinstance(json_data, _ObjectWithDuplicateKey):
@@ -180,31 +221,42 @@ def check_json(tree: object, source: str) -> None:
 
 
 class _Place:
-    """A place in a file, as a JSON path. The text of the path is built only for a message."""
+    """A place in a file. Its path is built only for a message."""
 
     __slots__ = ("_outer_place", "_source", "_step")
 
-    def __init__(self, source: str, step: str, outer_place: _Place | None = None) -> None:
+    def __init__(self, source: str, step: str | int = "", outer_place: _Place | None = None) -> None:
         self._source = source
         self._step = step
         self._outer_place = outer_place
 
     def key(self, key: str) -> _Place:
         """Return the place of the value of a key."""
-        return _Place(self._source, f".{key}" if key.isidentifier() else f"[{json.dumps(key)}]", self)
+        return _Place(self._source, key, self)
 
     def item(self, index: int) -> _Place:
         """Return the place of an item of a list."""
-        return _Place(self._source, f"[{index}]", self)
+        return _Place(self._source, index, self)
 
-    def raise_error(self, message: str) -> NoReturn:
+    def raise_error(self, message: str, *, is_missing_node: bool = False) -> NoReturn:
         """Raise an error about this place."""
-        steps: list[str] = []
-        place: _Place | None = self
-        while place is not None:
+        steps: list[str | int] = []
+        place = self
+        while place._outer_place is not None:
             steps.append(place._step)
             place = place._outer_place
-        raise ExchangeError(f"{self._source}: {''.join(reversed(steps))}: {message}")
+        raise PlacedError(self._source, message, tuple(reversed(steps)), is_missing_node=is_missing_node)
+
+
+@contextmanager
+def _collected(errors: list[PlacedError]) -> Iterator[None]:
+    """Add an error to the list instead of raising it. A full list gets only the first one that is no missing node."""
+    try:
+        yield
+    except PlacedError as error:
+        has_other_error = error.is_missing_node or any(not other.is_missing_node for other in errors)
+        if len(errors) < MAX_ERRORS or not has_other_error:
+            errors.append(error)
 
 
 def _parse_json(text: str, source: str) -> object:
@@ -216,11 +268,12 @@ def _parse_json(text: str, source: str) -> object:
             parse_constant=_refuse_constant,
         )
     except json.JSONDecodeError as error:
-        raise ExchangeError(f"{source}:{error.lineno}:{error.colno}: this is not JSON: {error.msg}") from None
+        position = error.lineno, error.colno
+        raise PlacedError(source, f"this is not JSON: {error.msg}", position=position) from None
     except RecursionError:
-        raise ExchangeError(f"{source}: objects and lists are nested more than {MAX_DEPTH} levels deep") from None
+        raise PlacedError(source, f"objects and lists are nested more than {MAX_DEPTH} levels deep") from None
     except ValueError as error:
-        raise ExchangeError(f"{source}: this is not JSON: {error}") from None
+        raise PlacedError(source, f"this is not JSON: {error}") from None
     check_json(tree, source)
     return tree
 
@@ -245,7 +298,9 @@ def _require_object(json_data: object, place: _Place) -> _JsonObject:
     return cast("_JsonObject", json_data)
 
 
-def _parse_node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
+def _parse_node(
+    key: str, json_data: object, place: _Place, errors: list[PlacedError]
+) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
     symbol = _require_object(json_data, place)
     number = _parse_node_number(symbol, "id", place)
     if key != str(number):
@@ -253,37 +308,38 @@ def _parse_node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, li
     links = symbol.get("links", [])
     if not isinstance(links, list):
         place.key("links").raise_error("there must be a list: [...]")
-    places = [place.key("links").item(index) for index in range(len(links))]
-    edges_and_places = [
-        (_parse_edge(_require_object(link, link_place), link_place), link_place)
-        for link, link_place in zip(links, places, strict=True)
-    ]
+    edges_and_places = []
+    for index, link in enumerate(links):
+        link_place = place.key("links").item(index)
+        with _collected(errors):
+            edges_and_places.append((_parse_edge(_require_object(link, link_place), link_place, errors), link_place))
     node = DsrNode(
         number=number,
         name=_require_text(symbol, "name", place),
         type=_require_text(symbol, "type", place),
-        attributes=_parse_attributes(symbol, "attribute", place),
+        attributes=_parse_attributes(symbol, "attribute", place, errors),
         extra=_without_keys(symbol, "id", "name", "type", "attribute", "links"),
     )
     return node, edges_and_places
 
 
-def _parse_edge(link: _JsonObject, place: _Place) -> DsrEdge:
+def _parse_edge(link: _JsonObject, place: _Place, errors: list[PlacedError]) -> DsrEdge:
     return DsrEdge(
         origin=_parse_node_number(link, "src", place),
         label=_require_text(link, "label", place),
         target=_parse_node_number(link, "dst", place),
-        attributes=_parse_attributes(link, "linkAttribute", place),
+        attributes=_parse_attributes(link, "linkAttribute", place, errors),
         extra=_without_keys(link, "src", "dst", "label", "linkAttribute"),
     )
 
 
-def _parse_attributes(owner: _JsonObject, key: str, place: _Place) -> dict[str, DsrValue]:
+def _parse_attributes(owner: _JsonObject, key: str, place: _Place, errors: list[PlacedError]) -> dict[str, DsrValue]:
     values_place = place.key(key)
-    return {
-        name: _parse_attribute(value, values_place.key(name))
-        for name, value in _require_object(owner.get(key, {}), values_place).items()
-    }
+    attributes = {}
+    for name, value in _require_object(owner.get(key, {}), values_place).items():
+        with _collected(errors):
+            attributes[name] = _parse_attribute(value, values_place.key(name))
+    return attributes
 
 
 def _parse_attribute(json_data: object, place: _Place) -> DsrValue:
@@ -322,27 +378,32 @@ def _without_keys(owner: _JsonObject, *keys: str) -> dict[str, object]:
     return {key: value for key, value in owner.items() if key not in keys}
 
 
-def _check_nodes(nodes: list[DsrNode], place: _Place) -> None:
+def _check_nodes(nodes: list[DsrNode], place: _Place, errors: list[PlacedError]) -> None:
     numbers_by_name: dict[str, int] = {}
     for node in nodes:
-        if node.name in numbers_by_name:
-            name_place = place.key(str(node.number)).key("name")
-            name_place.raise_error(
-                f"{node.name!r} is also the name of node {numbers_by_name[node.name]}: names must be unique"
-            )
-        numbers_by_name[node.name] = node.number
+        with _collected(errors):
+            if node.name in numbers_by_name:
+                name_place = place.key(str(node.number)).key("name")
+                name_place.raise_error(
+                    f"{node.name!r} is also the name of node {numbers_by_name[node.name]}: names must be unique"
+                )
+            numbers_by_name[node.name] = node.number
 
 
-def _checked_edges(edges_and_places: list[tuple[DsrEdge, _Place]], node_numbers: set[int]) -> Iterator[DsrEdge]:
+def _checked_edges(
+    edges_and_places: list[tuple[DsrEdge, _Place]], node_numbers: set[int], errors: list[PlacedError]
+) -> Iterator[DsrEdge]:
     seen_keys: set[tuple[int, str, int]] = set()
     for edge, place in edges_and_places:
-        for key, number in (("src", edge.origin), ("dst", edge.target)):
-            if number not in node_numbers:
-                place.key(key).raise_error(f"there is no symbol {number}: add it, or remove the link")
-        if edge.key in seen_keys:
-            place.raise_error(f"there is already a link {edge.label!r} from {edge.origin} to {edge.target}")
-        seen_keys.add(edge.key)
-        yield edge
+        with _collected(errors):
+            for key, number in (("src", edge.origin), ("dst", edge.target)):
+                if number not in node_numbers:
+                    message = f"there is no symbol {number}: add it, or remove the link"
+                    place.key(key).raise_error(message, is_missing_node=True)
+            if edge.key in seen_keys:
+                place.raise_error(f"there is already a link {edge.label!r} from {edge.origin} to {edge.target}")
+            seen_keys.add(edge.key)
+            yield edge
 
 
 # Writing
