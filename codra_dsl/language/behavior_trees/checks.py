@@ -305,11 +305,12 @@ class _Checker:
 
     def _check_built_in(self, node: TreeNode, built_in: BuiltIn, path: str) -> None:
         attributes = {attribute.name: attribute for attribute in node.ports}
+        port_names = {port.name for port in built_in.ports}
         for port in built_in.ports:
             attribute = attributes.get(port.name)
             if attribute is not None:
                 self._check_port_content(attribute, port, node, path)
-            elif port.default is None:
+            elif port.default is None and not any(is_slip(name, port.name) for name in attributes.keys() - port_names):
                 self._report_missing_port(node, port.name, path)
 
     def _check_port_content(self, attribute: Attribute, port: BuiltInPort, node: TreeNode, path: str) -> None:

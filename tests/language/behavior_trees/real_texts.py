@@ -12,7 +12,8 @@ NAV2_MODELS = """
   <output_port name="path"/><output_port name="error_code_id"/></Action>
 <Action ID="FollowPath"><input_port name="path"/><input_port name="controller_id" default="FollowPath"/>
   <output_port name="error_code_id"/></Action>
-<Action ID="SmoothPath"><input_port name="unsmoothed_path"/><output_port name="smoothed_path"/></Action>
+<Action ID="SmoothPath"><input_port name="unsmoothed_path"/><input_port name="smoother_id" default="S"/>
+  <output_port name="smoothed_path"/></Action>
 <Action ID="TruncatePath"><input_port name="distance"/><input_port name="input_path"/>
   <output_port name="output_path"/></Action>
 <Action ID="RemovePassedGoals"><input_port name="input_goals"/><output_port name="output_goals"/>
@@ -25,7 +26,28 @@ NAV2_MODELS = """
 <Action ID="Spin"><input_port name="spin_dist"/><output_port name="error_code_id"/></Action>
 <Action ID="Wait"><input_port name="wait_duration"/></Action>
 <Action ID="BackUp"><input_port name="backup_dist"/><input_port name="backup_speed"/></Action>
-<Action ID="DriveOnHeading"><input_port name="dist_to_travel"/><input_port name="speed"/></Action>
+<Action ID="DriveOnHeading"><input_port name="dist_to_travel"/><input_port name="speed"/>
+  <input_port name="time_allowance"/></Action>
+<Action ID="CancelControl"><input_port name="server_name"/></Action>
+<Action ID="ComputeRoute"><input_port name="goal"/><input_port name="use_poses"/><output_port name="path"/>
+  <output_port name="route"/><output_port name="error_code_id"/></Action>
+<Action ID="GetCurrentPose"><output_port name="current_pose"/></Action>
+<Action ID="GetPoseFromPath"><input_port name="path"/><input_port name="index"/><output_port name="pose"/></Action>
+<Action ID="ConcatenatePaths"><input_port name="input_path1"/><input_port name="input_path2"/>
+  <output_port name="output_path"/></Action>
+<Action ID="DockRobot"><input_port name="dock_id"/><input_port name="use_dock_id"/>
+  <output_port name="success"/></Action>
+<Action ID="UndockRobot"><input_port name="dock_type"/></Action>
+<Condition ID="GlobalUpdatedGoal"/>
+<Condition ID="PathExpiringTimer"><input_port name="seconds"/><input_port name="path"/></Condition>
+<Condition ID="ArePosesNear"><input_port name="ref_pose"/><input_port name="target_pose"/>
+  <input_port name="tolerance"/></Condition>
+<Condition ID="IsBatteryCharging"><input_port name="battery_topic"/></Condition>
+<Condition ID="IsWithinPathTrackingBounds"><input_port name="max_position_error_left"/>
+  <input_port name="tracking_feedback"/></Condition>
+<Condition ID="WouldAControllerRecoveryHelp"><input_port name="error_code"/></Condition>
+<Condition ID="AreErrorCodesPresent"><input_port name="error_code"/>
+  <input_port name="error_codes_to_check"/></Condition>
 <Condition ID="GoalUpdated"/>
 <Condition ID="GoalReached"><input_port name="goal"/></Condition>
 <Condition ID="IsBatteryLow"><input_port name="min_battery"/><input_port name="battery_topic"/></Condition>
@@ -40,10 +62,12 @@ NAV2_MODELS = """
 <Control ID="PersistentSequence"><bidirectional_port name="current_child_idx"/></Control>
 <Decorator ID="RateController"><input_port name="hz"/></Decorator>
 <Decorator ID="DistanceController"><input_port name="distance"/></Decorator>
-<Decorator ID="SpeedController"><input_port name="min_rate"/><input_port name="max_rate"/></Decorator>
+<Decorator ID="SpeedController"><input_port name="min_rate"/><input_port name="max_rate"/>
+  <input_port name="min_speed"/><input_port name="max_speed"/></Decorator>
 <Decorator ID="SingleTrigger"/>
 <Decorator ID="GoalUpdater"><input_port name="input_goal"/><output_port name="output_goal"/></Decorator>
-<Decorator ID="PathLongerOnApproach"><input_port name="path"/><input_port name="prox_len"/></Decorator>
+<Decorator ID="PathLongerOnApproach"><input_port name="path"/><input_port name="prox_len"/>
+  <input_port name="length_factor"/></Decorator>
 <Decorator ID="GoalUpdatedController"/>
 """
 """Declarations of nodes of Nav2: names, kinds and ports, as its list of nodes has them."""

@@ -170,7 +170,6 @@ def test_all_mistakes_of_a_file_are_reported_at_once_with_their_places() -> None
             "12:24 wrong-children",
             "4:20 port-value",
             "5:7 unknown-tree-node",
-            "6:7 missing-port",
             "7:10 unknown-port",
             "8:27 script-syntax",
             "9:7 unknown-subtree",
