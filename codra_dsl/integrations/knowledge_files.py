@@ -81,7 +81,9 @@ class _Findings:
 
 def _check_dsr(text: str, findings: _Findings) -> DsrGraph:
     graph, errors = examine_dsr(text, findings.file)
-    places = _places_in_json(text, {error.path[:end] for error in errors for end in range(len(error.path) + 1)})
+    places = _places_in_json(
+        text, {error.path[:end] for error in errors if error.path for end in range(len(error.path) + 1)}
+    )
     for error in errors:
         if not error.path:
             findings.add("graph-unreadable", error.reason, _place_of(error))
@@ -100,6 +102,7 @@ def _places_in_json(text: str, paths: Iterable[_Path]) -> Mapping[_Path, _FilePl
     If a key occurs twice, its last value counts. Paths without a value are left out.
     """
     wanted_paths = set(paths)
+    max_length = max(map(len, wanted_paths), default=0)
     places: dict[_Path, _FilePlace] = {}
     steps: list[str | int] = []
     is_key, line, line_start, last_end = False, 1, 0, 0
@@ -119,7 +122,7 @@ def _places_in_json(text: str, paths: Iterable[_Path]) -> Mapping[_Path, _FilePl
         elif is_key:
             steps[-1] = json.loads(token)
         else:
-            if tuple(steps) in wanted_paths:
+            if len(steps) <= max_length and tuple(steps) in wanted_paths:
                 places[tuple(steps)] = (line, start - line_start + 1, len(token))
             steps += [0] if token == "[" else [""] if token == "{" else []
             is_key = token == "{"

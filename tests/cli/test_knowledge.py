@@ -173,3 +173,9 @@ def test_a_file_with_thousands_of_mistakes_shows_some_of_them_and_fails() -> Non
 
     _, counts = check(text.replace('"name": "robot"', '"name": "world"'), exit_code=1)
     assert counts.endswith(": 1 error, 199 warnings\n")
+
+
+def test_a_file_that_is_too_deep_is_refused_at_once() -> None:
+    (finding,), _ = check('{"a":' * 100_000, exit_code=1)
+
+    assert finding == "1:1 CDR2401 objects and lists are nested more than 40 levels deep"

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from codra_dsl.language.diagnostics import Diagnostic
     from codra_dsl.language.fuzzy.model import Engine, Variable
 
-MAX_DRAWN_VARIABLES = 60
+MAX_DRAWN_VARIABLES = 30
 """The maximum number of variables in a picture."""
 
 MAX_DRAWN_TERMS = 1_000

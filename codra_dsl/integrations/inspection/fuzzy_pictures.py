@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from codra_dsl.language.fuzzy import compile_engine
 from codra_dsl.language.fuzzy.check import names_in
-from codra_dsl.language.fuzzy.dialects import NUMBERS
-from codra_dsl.language.fuzzy.model import AnyTerm, Engine, FormulaTerm, Variable
-from codra_dsl.language.fuzzy.shapes import membership
+from codra_dsl.language.fuzzy.model import AnyTerm, Call, Engine, Formula, FormulaTerm, Name, Number, Variable
 from codra_dsl.language.fuzzy.words import Shape
 from codra_dsl.runtime.loops.fuzzy import formulas, terms
 
@@ -115,7 +113,7 @@ def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping
 def _draw_terms(axes: Axes, variable: Variable) -> None:
     xs = np.linspace(variable.minimum, variable.maximum, _POINT_COUNT).tolist()
     for term in variable.terms:
-        degree = _membership(term)
+        degree = membership_function(term)
         if degree is not None:
             axes.plot(xs, [degree(x) for x in xs], label=term.name)
     axes.set_title(variable.name, fontsize=10, loc="left")
@@ -123,12 +121,27 @@ def _draw_terms(axes: Axes, variable: Variable) -> None:
     axes.legend(fontsize=8, frameon=False)
 
 
-def _membership(term: AnyTerm) -> Callable[[float], float] | None:
-    if names_in(term.formula) - {"x"} if isinstance(term, FormulaTerm) else term.shape is Shape.Linear:
+def membership_function(term: AnyTerm) -> Callable[[float], float] | None:
+    """Return the membership function of a term; None if it depends on other variables. No source is compiled."""
+    if isinstance(term, FormulaTerm):
+        formula = term.formula
+        return None if names_in(formula) - {"x"} else lambda x: _formula_value(formula, x)
+    if term.shape is Shape.Linear:
         return None
-    source = f"lambda x: {membership(term, 'x', {}, [], NUMBERS)}"
-    degree: Callable[[float], float] = eval(source, {"terms": terms, "formulas": formulas})
-    return degree
+    is_discrete, form = term.shape is Shape.Discrete, term.shape.value
+    parameters = (term.parameters[::2], term.parameters[1::2]) if is_discrete else term.parameters
+    function: Callable[..., float] = getattr(terms, form.function)
+    arguments = (*parameters, *((term.height,) if form.has_height else ()))
+    return lambda x: function(x, *arguments)
+
+
+def _formula_value(formula: Formula, x: float) -> float:
+    if isinstance(formula, Number):
+        return formula.value
+    if isinstance(formula, Name):
+        return x
+    assert isinstance(formula, Call)
+    return formulas.calculate(formula.function, *(_formula_value(operand, x) for operand in formula.operands))
 
 
 def _rendered(figure: Figure, format_: str) -> bytes:

@@ -11,6 +11,7 @@ from tests.campaigns.hostile.names import NAMES_KIND
 from tests.campaigns.hostile.reading import Kind
 from tests.campaigns.hostile.repositories import REPOSITORIES
 from tests.campaigns.hostile.settings import SETTINGS
+from tests.campaigns.hostile.single_files import SINGLE_FILES
 from tests.campaigns.hostile.specs import SPECS
 from tests.campaigns.hostile.trees import TREES
 
@@ -21,6 +22,7 @@ KINDS: Mapping[str, Kind] = {
     "graphml": GRAPHML,
     "mcap": JOURNALS,
     "settings": SETTINGS,
+    "files": SINGLE_FILES,
     "names": NAMES_KIND,
     "specs": SPECS,
     "git": REPOSITORIES,
