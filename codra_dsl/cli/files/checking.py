@@ -79,6 +79,16 @@ class Report:
         raise typer.Exit(ExitCode.FAILED if is_failure(findings, threshold) else ExitCode.CLEAN)
 
 
+def command_group() -> typer.Typer:
+    """Return an empty group of commands; without a command, it shows its help."""
+    return typer.Typer(
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+
 def root_of_files(paths: Sequence[Path]) -> Path:
     """Return the folder to which the paths of files are relative in findings. The files may be in several projects."""
     from codra_dsl.language.project import root_of

@@ -20,7 +20,7 @@ from codra_dsl.cli.console import (
     say_findings,
     write_result,
 )
-from codra_dsl.cli.files.checking import Report, count_text, root_of_files
+from codra_dsl.cli.files.checking import Report, command_group, count_text, root_of_files
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, OutputOption
 from codra_dsl.language.frozen import dataclass
 
@@ -67,12 +67,7 @@ _FORMAT_BY_ENDING = {
     ".png": EnginePictureFormat.PNG,
 }
 
-fuzzy_commands = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+fuzzy_commands = command_group()
 
 
 @fuzzy_commands.callback()

@@ -9,7 +9,7 @@ import typer
 
 from codra_dsl.cli.arguments import QuickCommand
 from codra_dsl.cli.console import Colour, existing
-from codra_dsl.cli.files.checking import Report, count_text, root_of_files
+from codra_dsl.cli.files.checking import Report, command_group, count_text, root_of_files
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, OutputOption
 
 if TYPE_CHECKING:
@@ -23,12 +23,7 @@ BothWaysOption = Annotated[
     bool, typer.Option("--both-ways", help="Read each undirected edge of GraphML as two edges, one in each direction.")
 ]
 
-knowledge_commands = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+knowledge_commands = command_group()
 
 
 @knowledge_commands.callback()

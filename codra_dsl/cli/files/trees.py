@@ -11,7 +11,7 @@ import typer
 
 from codra_dsl.cli.arguments import QuickCommand
 from codra_dsl.cli.console import Colour, ExitCode, choose_by_ending, existing, say, say_findings, write_result
-from codra_dsl.cli.files.checking import Report, count_text, root_of_files
+from codra_dsl.cli.files.checking import Report, command_group, count_text, root_of_files
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, OutputOption
 
 if TYPE_CHECKING:
@@ -63,12 +63,7 @@ _FORMAT_BY_ENDING = {
     ".svg": PictureFormat.SVG,
 }
 
-trees_commands = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+trees_commands = command_group()
 
 
 @trees_commands.callback()
