@@ -85,13 +85,16 @@ def import_command(
     )
 
 
-def read_decisions(source: Path, models: Sequence[Path], colour: Colour) -> MainExecution:
-    """Return the decisions of a source. Errors are shown and end the command."""
+def read_decisions(source: Path, models: Sequence[Path], colour: Colour, root: Path | None = None) -> MainExecution:
+    """Return the decisions of a source. Errors are shown and end the command.
+
+    Places are relative to `root`, or else to the root of the source's project.
+    """
     from codra_dsl.language.project import root_of
     from codra_dsl.tooling.main_execution.sources import read_source
 
     (source,), models = existing([source]), existing(models)
-    root = root_of(source)
+    root = root or root_of(source)
     main_execution, findings = read_source(source, models, root)
     _show_findings(findings, root, colour)
     if main_execution is None:

@@ -66,7 +66,7 @@ def _algorithm_lines(variable: str, decisions: Sequence[Decision], name: str) ->
 def _skill_lines(skill: str, place: Place, decisions: Sequence[Decision]) -> Iterator[str]:
     yield f"  {skill}:  # {_place_text(place)}"
     for key in _KEYS:
-        places = {decision.name: decision.place for decision in reversed(decisions) if _key_of(decision) == key}
+        places = {decision.name: decision.place for decision in reversed(decisions) if key in _keys_of(decision)}
         if places:
             yield f"    {key}:"
             yield from (f"      - {name}  # {_place_text(places[name])}" for name in _in_order(decisions, places))
@@ -74,11 +74,12 @@ def _skill_lines(skill: str, place: Place, decisions: Sequence[Decision]) -> Ite
         yield f"    # {TO_DO}: which of the variables does the skill change by acting? Write 'changes: [...]'."
 
 
-def _key_of(decision: Decision) -> str:
-    """Return the key of a skill that has a variable. Only what an algorithm observes can change while a skill acts."""
-    if decision.role is Role.EFFECT:
-        return "changes"
-    return "monitor" if decision.role is Role.HOLD and decision.call else "preview"
+def _keys_of(decision: Decision) -> tuple[str, ...]:
+    """Return the keys of a skill that have a variable. Only what an algorithm observes is monitored."""
+    watching_key = "monitor" if decision.role is not Role.PRECONDITION and decision.call else "preview"
+    if decision.role is not Role.EFFECT:
+        return (watching_key,)
+    return (watching_key, "changes") if decision.is_made else ("changes",)
 
 
 def _in_order(decisions: Iterable[Decision], names: Iterable[str]) -> list[str]:

@@ -38,7 +38,7 @@ class ValueType(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """One place at which the main execution decides.
+    """One place at which the main execution decides, or changes a value on which it decides.
 
     Attributes:
         name: the name of the context-variable; decisions with equal names need the same variable.
@@ -46,6 +46,7 @@ class Decision:
         skill: the name of the skill that needs the answer.
         call: the function or node that perceives the value; empty if the source names none.
         other_names: further names by which a spec may know the variable.
+        is_made: whether the main execution decides at this place; otherwise it only changes the value there.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Decision:
     type: ValueType = ValueType.BOOL
     call: str = ""
     other_names: tuple[str, ...] = ()
+    is_made: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +88,7 @@ class SourceError(Exception):
         self.finding = Diagnostic(rule=_UNREADABLE, message=message, place=place, help=help)
 
 
-_UNREADABLE = Rule(code="codra import", name="unreadable-source", severity=Severity.ERROR)
+_UNREADABLE = Rule(code="unreadable-source", name="unreadable-source", severity=Severity.ERROR)
 
 
 class Names:

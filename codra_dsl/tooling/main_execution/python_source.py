@@ -33,12 +33,13 @@ _MAX_CALL_DEPTH = 20
 _LINE_BREAK = re.compile(rb"\r\n|\r|\n")
 
 
-def read_python(path: Path, root: Path) -> MainExecution:
+def read_python(path: Path, root: Path, within: Path) -> MainExecution:
     """Return the decisions of a Python file.
 
     Args:
         path: the file.
-        root: the folder to which paths in places are relative. Links that lead out of it are not followed.
+        root: the folder to which paths in places are relative.
+        within: the folder of the project. Links that lead out of it are not followed.
 
     Raises:
         SourceError: if the file cannot be read, is not valid Python, or is too large.
@@ -46,7 +47,7 @@ def read_python(path: Path, root: Path) -> MainExecution:
     file = relative_path(path, root)
     beginning = Place(Span(file, 1, 1, 1, 1))
     try:
-        data = read_regular_file(path, MAX_BYTES, within=root)
+        data = read_regular_file(path, MAX_BYTES, within=within)
     except OSError as error:
         raise SourceError(f"cannot read '{file}': {error.strerror}", beginning, help="check the path") from error
     try:

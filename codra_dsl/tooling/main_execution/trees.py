@@ -132,7 +132,7 @@ class _Reader:
         for attribute, entry, skill, skill_place in self._written:
             if entry in self._decided_entries:
                 asked = _asked_of_entry(entry, ValueType.BOOL, attribute)
-                self._add(asked, skill, skill_place, Role.EFFECT)
+                self._add(asked, skill, skill_place, Role.EFFECT, is_made=False)
         return self._collector.main_execution()
 
     def read(self, forest: Forest) -> None:
@@ -167,7 +167,9 @@ class _Reader:
             elif (asked.key, asked.place) not in self._added:
                 self._add(asked, *skill, Role.EFFECT)
 
-    def _add(self, asked: _Asked, skill: str, skill_place: Place, role: Role | None = None) -> None:
+    def _add(
+        self, asked: _Asked, skill: str, skill_place: Place, role: Role | None = None, *, is_made: bool = True
+    ) -> None:
         self._added.add((asked.key, asked.place))
         if asked.key[0] == "entry":
             self._decided_entries.add(asked.key[1])
@@ -179,6 +181,7 @@ class _Reader:
             place=asked.place,
             type=asked.type,
             call=asked.call,
+            is_made=is_made,
         )
         self._collector.add(decision, skill_place)
 
