@@ -23,7 +23,7 @@ ROBOT = """\
 def pass_door(vision):
     if not vision.is_open("door"):
         vision.say("closed")
-    if vision.is_dark():
+    if vision.dark():
         vision.light()
 """
 SUMMARY = "door: 1 of 2 decisions are covered (50 %); variables without a decision: 1\n"
@@ -51,10 +51,10 @@ def codra(*arguments: str, exit_code: int = 0) -> tuple[str, str]:
 def test_uncovered_decisions_are_shown_in_the_source_and_variables_without_a_decision_in_the_spec() -> None:
     assert codra(*OPTIONS) == (
         """\
-robot.py:4:8: warning[decision-not-covered]: skill 'pass_door' decides on 'vision_is_dark': the spec has no such variable
+robot.py:4:8: warning[decision-not-covered]: skill 'pass_door' decides on 'vision_dark': the spec has no such variable
   |
-4 |     if vision.is_dark():
-  |        ^^^^^^^^^^^^^^^^ help: declare it, and add it to 'preview' of skill 'pass_door'
+4 |     if vision.dark():
+  |        ^^^^^^^^^^^^^ help: declare it, and add it to 'preview' of skill 'pass_door'
 
 specs/door.yaml:5:3: warning[variable-without-decision]: no decision of the main execution needs 'bell_rings'
   |
@@ -116,7 +116,7 @@ def test_the_graph_colours_decisions_and_variables_by_coverage(folder: Path) -> 
     }
     assert {name: line.partition("fillcolor=")[2][1:8] for name, line in nodes.items() if "legend" not in name} == {
         "variable vision_is_open_door": "#b3e2d5",
-        "variable vision_is_dark": "#f2b8a0",
+        "variable vision_dark": "#f2b8a0",
         "skill pass_door": "#f9f4ae",
         "unused bell_rings": "#e4e4e4",
     }

@@ -99,7 +99,7 @@ class _Reader:
         self._results: dict[object, Value] = {}
         self._followed: set[Function] = set()
         self._steps_left = MAX_STEPS
-        self._depth = 0
+        self._active: set[Function] = set()
         self._globals = Scope({})
 
     def main_execution(self) -> MainExecution:
@@ -190,16 +190,15 @@ class _Reader:
         """
         skill = skill or Skill(function.name, self.place(function), is_stated=False)
         key = (function, tuple(sorted(arguments.items())), skill)
-        if key in self._results or self._depth >= _MAX_CALL_DEPTH:
+        if key in self._results or function in self._active or len(self._active) >= _MAX_CALL_DEPTH:
             return self._results.get(key, Value())
-        self._results[key] = Value()
+        is_called = bool(self._active)
         self._followed.add(function)
-        self._depth += 1
+        self._active.add(function)
         walk = Walk(self, Scope(dict(arguments), self._globals), skill, owner)
         walk.statements(function.body)
-        self._depth -= 1
+        self._active.remove(function)
         self._results[key] = result = alternatives(walk.results)
-        is_called = self._depth > 0
         # A function that also returns the result of a call leaves the decision on it to its callers.
         new_branches = (branch for branch in walk.branches if not (is_called and branch.call in result.calls))
         self._branches |= dict.fromkeys(new_branches)

@@ -341,7 +341,8 @@ def _parts(test: ast.expr) -> Iterator[tuple[ast.expr, ast.expr, ValueType]]:
             yield from _parts(operand)
         case ast.Compare(left=left, comparators=comparators):
             sides = (left, *comparators)
-            type_ = _type_of([side.value for side in sides if isinstance(side, ast.Constant)])
+            members = [member for side in sides for member in getattr(side, "elts", [side])]
+            type_ = _type_of([member.value for member in members if isinstance(member, ast.Constant)])
             yield from ((test, side, type_) for side in sides if not isinstance(side, ast.Constant))
         case _:
             yield test, test, ValueType.BOOL

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from codra_dsl.language.behavior_trees import Attribute, BehaviorTree, Forest, NodeKind, TreeNode
@@ -70,6 +69,7 @@ _REACTIVE = frozenset({"ReactiveSequence", "ReactiveFallback", "PipelineSequence
 _SWITCHES = frozenset(node for node in BUILT_IN if node.startswith("Switch"))
 _PORT_OF_CONDITION = {"ScriptCondition": "code", "Precondition": "if"}
 _HOLDING = "_while"
+_ENTRY = "entry"
 _LOOP = "WhileDoElse"
 
 
@@ -100,8 +100,7 @@ class _Asked:
     Attributes:
         key: what distinguishes the variable from others.
         words: the words of the variable's name.
-        is_guard: whether the answer is asked again while the next action runs.
-        is_of_action: whether an action itself asks, before it runs.
+        is_guard: whether it is asked again while the node runs that asks.
     """
 
     key: tuple[str, ...]
@@ -109,7 +108,6 @@ class _Asked:
     text: str
     place: Place
     is_guard: bool = False
-    is_of_action: bool = False
     type: ValueType = ValueType.BOOL
     call: str = ""
 
@@ -123,8 +121,11 @@ class _Reader:
         self._skills = Names("skill")
         self._read_places: set[Place] = set()
         self._kinds: Mapping[str, NodeKind] = {}
-        self._added: set[tuple[tuple[str, ...], Place]] = set()
         self._decided_entries: set[str] = set()
+        self._added_guards: dict[tuple[str, int], list[_Asked]] = {}
+        self._asked: dict[int, list[_Asked]] = {}
+        self._waiting: list[_Asked] = []
+        self._last_action: tuple[str, Place] | None = None
         self._written: list[tuple[Attribute, str, str, Place]] = []
 
     def main_execution(self) -> MainExecution:
@@ -148,36 +149,49 @@ class _Reader:
         A decision belongs to the next action in the order of the file. If no action follows, it is made for the result
         of the last action, or for the tree if it has no action at all.
         """
-        waiting: list[_Asked] = []
-        last_action: tuple[str, Place] | None = None
-        for item in self._items(tree.root):
-            if isinstance(item, _Asked):
-                waiting.append(item)
-                continue
-            action = item.subtree or item.id
-            last_action = self._skills.name((action,), (action,)), item.place
-            for asked in waiting:
-                self._add(asked, *last_action)
-            waiting = []
-            self._written += ((attribute, entry, *last_action) for attribute, entry in _written_entries(item))
-        skill = last_action or (self._skills.name((tree.id,), (tree.id,)), tree.place)
-        for asked in waiting:
-            if last_action is None:
-                self._add(asked, *skill)
-            elif (asked.key, asked.place) not in self._added:
-                self._add(asked, *skill, Role.EFFECT)
+        self._waiting, self._last_action = [], None
+        self._walk(tree.root, [])
+        skill = self._last_action or (self._skills.name((tree.id,), (tree.id,)), tree.place)
+        role = Role.PRECONDITION if self._last_action is None else Role.EFFECT
+        for asked in self._waiting:
+            self._add(asked, *skill, role)
 
-    def _add(
-        self, asked: _Asked, skill: str, skill_place: Place, role: Role | None = None, *, is_made: bool = True
-    ) -> None:
-        self._added.add((asked.key, asked.place))
-        if asked.key[0] == "entry":
+    def _walk(self, node: TreeNode, guards: list[_Asked]) -> None:
+        """Walk through a node and the nodes below it; `guards` are asked again while its actions run."""
+        asked_here = self._asked_by(node)
+        self._waiting += (asked for asked in asked_here if not asked.is_guard)
+        guards = _joined(guards, [asked for asked in asked_here if asked.is_guard])
+        if self._is_action(node):
+            self._add_action(node, guards)
+        for number, child in enumerate(node.children):
+            self._walk(child, guards)
+            if number < len(node.children) - 1 and (node.id in _REACTIVE or (node.id == _LOOP and number == 0)):
+                inner_nodes = (inner for inner in child.walk() if not self._is_action(inner))
+                guards = _joined(guards, [asked for inner in inner_nodes for asked in self._asked_by(inner)])
+
+    def _add_action(self, node: TreeNode, guards: list[_Asked]) -> None:
+        name = node.subtree or node.id
+        self._last_action = skill = self._skills.name((name,), (name,)), node.place
+        guard_keys = {(guard.key, guard.place) for guard in guards}
+        for asked in self._waiting:
+            if (asked.key, asked.place) not in guard_keys:
+                self._add(asked, *skill, Role.PRECONDITION)
+        key = (skill[0], id(guards))
+        if key not in self._added_guards:  # an action often occurs several times among the same guards
+            self._added_guards[key] = guards
+            for guard in guards:
+                self._add(guard, *skill, Role.HOLD)
+        self._waiting = []
+        self._written += ((attribute, entry, *skill) for attribute, entry in _written_entries(node))
+
+    def _add(self, asked: _Asked, skill: str, skill_place: Place, role: Role, *, is_made: bool = True) -> None:
+        if asked.key[0] == _ENTRY:
             self._decided_entries.add(asked.key[1])
         decision = Decision(
             name=self._variables.name(asked.key, asked.words),
             text=asked.text,
             skill=skill,
-            role=role or (Role.HOLD if asked.is_guard else Role.PRECONDITION),
+            role=role,
             place=asked.place,
             type=asked.type,
             call=asked.call,
@@ -185,33 +199,26 @@ class _Reader:
         )
         self._collector.add(decision, skill_place)
 
-    def _items(self, node: TreeNode) -> Iterator[_Asked | TreeNode]:
-        """Yield what a node and the nodes below it ask, and their actions, in the order of the file.
+    def _asked_by(self, node: TreeNode) -> list[_Asked]:
+        """Return what a node asks, without the nodes below it."""
+        if id(node) not in self._asked:
+            self._asked[id(node)] = list(_asked_by_attributes(node))
+            if not node.children and node.id not in BUILT_IN and self._kind(node) is NodeKind.CONDITION:
+                self._asked[id(node)].append(_asked_by_condition(node))
+        return self._asked[id(node)]
 
-        What a guard asks is yielded again for the first action after the guard: it is asked while this action runs.
-        """
-        kind = None if node.children else self._kind(node)
-        is_action = node.subtree is not None or (kind is NodeKind.ACTION and node.id not in BUILT_IN)
-        yield from (replace(asked, is_of_action=is_action) for asked in _asked_by_attributes(node))
-        if is_action:
-            yield node
-        elif kind is NodeKind.CONDITION and node.id not in BUILT_IN:
-            yield _asked_by_condition(node)
-        for number, child in enumerate(node.children):
-            items = list(self._items(child))
-            has_action = any(isinstance(item, TreeNode) for item in items)
-            guards = dict.fromkeys(
-                replace(item, is_guard=True) for item in items if isinstance(item, _Asked) and not item.is_of_action
-            )
-            is_guard = number == 0 if node.id == _LOOP else node.id in _REACTIVE and number < len(node.children) - 1
-            yield from items if has_action or not is_guard else ()
-            yield from guards if is_guard else ()
+    def _is_action(self, node: TreeNode) -> bool:
+        is_own_leaf = not node.children and node.id not in BUILT_IN
+        return node.subtree is not None or (is_own_leaf and self._kind(node) is NodeKind.ACTION)
 
     def _kind(self, leaf: TreeNode) -> NodeKind:
-        if leaf.id in BUILT_IN:
-            return BUILT_IN[leaf.id].kind
         is_condition = leaf.id in NAV2_CONDITIONS or _CONDITION_NAME.match(leaf.id) is not None
         return leaf.kind or self._kinds.get(leaf.id, NodeKind.CONDITION if is_condition else NodeKind.ACTION)
+
+
+def _joined(guards: list[_Asked], new_guards: list[_Asked]) -> list[_Asked]:
+    """Return both lists as one, or the same list if there are no new guards."""
+    return [*guards, *new_guards] if new_guards else guards
 
 
 def _asked_by_condition(node: TreeNode) -> _Asked:
@@ -254,7 +261,7 @@ def _asked_by_script(attribute: Attribute, *, is_guard: bool = False) -> Iterato
 
 def _asked_of_entry(entry: str, type_: ValueType, attribute: Attribute, *, is_guard: bool = False) -> _Asked:
     return _Asked(
-        key=("entry", entry),
+        key=(_ENTRY, entry),
         words=(entry,),
         text=f'{attribute.name}="{attribute.value:.80}"',
         place=attribute.place,

@@ -11,6 +11,7 @@ from tests.campaigns.hostile.names import NAMES_KIND
 from tests.campaigns.hostile.reading import Kind
 from tests.campaigns.hostile.repositories import REPOSITORIES
 from tests.campaigns.hostile.settings import SETTINGS
+from tests.campaigns.hostile.sources import SOURCES
 from tests.campaigns.hostile.specs import SPECS
 from tests.campaigns.hostile.trees import TREES
 
@@ -22,6 +23,7 @@ KINDS: Mapping[str, Kind] = {
     "mcap": JOURNALS,
     "settings": SETTINGS,
     "names": NAMES_KIND,
+    "sources": SOURCES,
     "specs": SPECS,
     "git": REPOSITORIES,
 }
