@@ -269,6 +269,13 @@ def say(text: str, *, is_rendered: bool = False) -> None:
     print(text_for_log(text) if is_rendered else harmless_text(text), file=sys.stderr)
 
 
+def say_findings(diagnostics: Sequence[Diagnostic], root: Path, colour: Colour) -> None:
+    """Write findings with their counts to standard error, if there are any, for a command with another result."""
+    if diagnostics:
+        text = View(root=root, format=Format.FULL, colour=colour).render(diagnostics, sys.stderr)
+        say(f"{text}{counts_text(diagnostics)}", is_rendered=True)
+
+
 def harmless_text(text: str) -> str:
     """Return a text with names from files of strangers, such as journals, for a terminal or the log of a CI system.
 

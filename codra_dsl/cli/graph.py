@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -14,13 +13,11 @@ from codra_dsl.cli.console import (
     Colour,
     ExitCode,
     FailOn,
-    Format,
-    View,
     common_root,
-    counts_text,
     existing,
     is_failure,
     say,
+    say_findings,
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, OutputOption, SitesOption, Specs
@@ -90,10 +87,7 @@ def graph_command(
     graph_format = FORMATS[format_] if format_ is not None else _choose_format(output)
     root = common_root([*paths, *sites])
     planning_result = plan_paths(paths, root, sites=sites)
-    if planning_result.diagnostics:
-        view = View(root=root, format=Format.FULL, colour=color)
-        text = view.render(planning_result.diagnostics, sys.stderr)
-        say(f"{text}{counts_text(planning_result.diagnostics)}", is_rendered=True)
+    say_findings(planning_result.diagnostics, root, color)
     if is_failure(planning_result.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
     graph = _select_part(graph_of(planning_result.plans), select or (), exclude or ())

@@ -91,6 +91,14 @@ def test_a_source_that_cannot_be_read_is_an_error_at_its_place(
     assert not (folder / "specs").exists()
 
 
+def test_a_folder_without_trees_is_an_error(folder: Path) -> None:
+    (folder / "robot").mkdir()
+
+    _, error = codra("import", "robot", "--as", "door", exit_code=1)
+
+    assert error.startswith("robot:1:1: error[unreadable-source]: there is no file of trees in 'robot' or below")
+
+
 def test_a_source_without_decisions_gives_no_spec(folder: Path) -> None:
     (folder / "robot.py").write_text("import vision\nvision.say('hello')\n")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,10 +14,10 @@ from codra_dsl.cli.console import (
     Format,
     View,
     choose_format,
-    counts_text,
     existing,
     is_failure,
     say,
+    say_findings,
     write_result,
 )
 from codra_dsl.cli.files.imports import ModelsOption, read_decisions
@@ -107,8 +106,7 @@ def _plan(spec: Path, root: Path, colour: Colour) -> BuildPlan:
 
     planned = plan_paths([spec], root)
     if is_failure(planned.diagnostics, FailOn.ERROR):
-        text = View(root=root, format=Format.FULL, colour=colour).render(planned.diagnostics, sys.stderr)
-        say(f"{text}{counts_text(planned.diagnostics)}", is_rendered=True)
+        say_findings(planned.diagnostics, root, colour)
         raise typer.Exit(ExitCode.FAILED)
     if len(planned.plans) != 1:
         raise typer.BadParameter(f"'{spec}' has {len(planned.plans)} specs: name one spec", param_hint="SPEC")

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import Colour, ExitCode, Format, View, counts_text, existing, say, write_result
+from codra_dsl.cli.console import Colour, ExitCode, existing, say, say_findings, write_result
 from codra_dsl.cli.options import ColourOption
 
 if TYPE_CHECKING:
-    from codra_dsl.language.diagnostics import Diagnostic
     from codra_dsl.tooling.main_execution.model import MainExecution
 
 SourceArgument = Annotated[
@@ -96,7 +94,7 @@ def read_decisions(source: Path, models: Sequence[Path], colour: Colour, root: P
     (source,), models = existing([source]), existing(models)
     root = root or root_of(source)
     main_execution, findings = read_source(source, models, root)
-    _show_findings(findings, root, colour)
+    say_findings(findings, root, colour)
     if main_execution is None:
         raise typer.Exit(ExitCode.FAILED)
     return main_execution
@@ -111,14 +109,8 @@ def _check_draft(text: str, file: Path, colour: Colour) -> None:
     root = root_of(file.absolute().parent)
     findings = plan_text(text, relative_path(file, root), root).diagnostics
     if has_errors(findings):
-        _show_findings(findings, root, colour)
+        say_findings(findings, root, colour)
         raise typer.Exit(ExitCode.FAILED)
-
-
-def _show_findings(findings: Sequence[Diagnostic], root: Path, colour: Colour) -> None:
-    if findings:
-        text = View(root=root, format=Format.FULL, colour=colour).render(findings, sys.stderr)
-        say(f"{text}{counts_text(findings)}", is_rendered=True)
 
 
 def _count_text(count: int, noun: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -15,7 +14,6 @@ from codra_dsl.cli.arguments import QuickCommand
 from codra_dsl.cli.console import (
     Colour,
     ExitCode,
-    Format,
     View,
     choose_failure_threshold,
     choose_format,
@@ -23,6 +21,7 @@ from codra_dsl.cli.console import (
     existing,
     is_failure,
     say,
+    say_findings,
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, OutputOption
@@ -133,7 +132,7 @@ def graph_command(
 
     picture_format = _picture_format(output) if format_ is None else format_
     root, checked_files = _check(paths, models or ())
-    _show_findings(checked_files.diagnostics, root, color)
+    say_findings(checked_files.diagnostics, root, color)
     ids = [tree.id for forest in checked_files.forests for tree in forest.trees]
     unknown_id = next((name for name in tree or () if name not in ids), None)
     if unknown_id is not None:
@@ -171,7 +170,7 @@ def convert_command(
     (file,) = existing([file])
     root = root_of(file)
     forest, diagnostics = read(file, root)
-    _show_findings(diagnostics, root, color)
+    say_findings(diagnostics, root, color)
     if forest is None or has_errors(diagnostics):
         say(f"'{file}' is not converted: correct its errors first")
         raise typer.Exit(ExitCode.FAILED)
@@ -209,12 +208,6 @@ def _triage(
     files = {file.file for forest in checked_files.forests for file in forest.files}
     sources = read_sources(files, [relative_path(path, root) for path in paths], root)
     return triage(diagnostics, settings, sources, has_all_findings=False)
-
-
-def _show_findings(diagnostics: Sequence[Diagnostic], root: Path, colour: Colour) -> None:
-    if diagnostics:
-        text = View(root=root, format=Format.FULL, colour=colour).render(diagnostics, sys.stderr)
-        say(f"{text}{counts_text(diagnostics)}", is_rendered=True)
 
 
 def _picture_format(output: Path | None) -> PictureFormat:

@@ -7,6 +7,7 @@ their callers pass, so that `self._decide(f"{machine}_open")` is one decision fo
 from __future__ import annotations
 
 import ast
+import codecs
 import re
 import warnings
 from collections.abc import Iterator, Mapping
@@ -47,13 +48,13 @@ def read_python(path: Path, root: Path, within: Path) -> MainExecution:
     file = relative_path(path, root)
     beginning = Place(Span(file, 1, 1, 1, 1))
     try:
-        data = read_regular_file(path, MAX_BYTES, within=within)
+        data = read_regular_file(path, MAX_BYTES, within=within).removeprefix(codecs.BOM_UTF8)
     except OSError as error:
         raise SourceError(f"cannot read '{file}': {error.strerror}", beginning, help="check the path") from error
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            module = ast.parse(data.decode("utf-8-sig"))
+            module = ast.parse(data.decode())
         return _Reader(module, _Places(file, data), path.stem).main_execution()
     except (RecursionError, MemoryError) as error:
         raise SourceError("the code is nested too deeply", beginning, help="split long expressions") from error

@@ -11,7 +11,7 @@ from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, POST_SCRIPTS, 
 from codra_dsl.language.behavior_trees.folders import check_files
 from codra_dsl.language.behavior_trees.ports import EntryKey, parse_port_value
 from codra_dsl.language.behavior_trees.scripts import ScriptProblem, parse_condition, parse_script
-from codra_dsl.language.diagnostics import Diagnostic, Place
+from codra_dsl.language.diagnostics import Diagnostic, Place, Span
 from codra_dsl.language.expression.tree import (
     And,
     Arithmetic,
@@ -26,12 +26,14 @@ from codra_dsl.language.expression.tree import (
     Text,
 )
 from codra_dsl.language.frozen import dataclass
+from codra_dsl.language.project import relative_path
 from codra_dsl.tooling.main_execution.model import (
     Decision,
     DecisionCollector,
     MainExecution,
     Names,
     Role,
+    SourceError,
     ValueType,
 )
 
@@ -84,9 +86,15 @@ def read_trees(
         root: the folder to which paths in places are relative.
 
     Raises:
-        SourceError: if there are too many decisions.
+        SourceError: if there is no file of trees, or if there are too many decisions.
     """
     checked_files = check_files(paths, models, root)
+    if not (checked_files.forests or checked_files.diagnostics):
+        file = relative_path(paths[0], root)
+        message = f"there is no file of trees in '{file}' or below"
+        raise SourceError(
+            message, Place(Span(file, 1, 1, 1, 1)), help="name a file of trees, or a folder with such files"
+        )
     reader = _Reader()
     for forest in checked_files.forests:
         reader.read(forest)

@@ -138,11 +138,12 @@ def test_the_type_of_a_variable_follows_from_comparisons(test: str, type_: str, 
 
 
 def test_columns_count_characters_in_any_line_ending(tmp_path: Path) -> None:
-    (tmp_path / "robot.py").write_bytes("\ufeffx = 1\r\nif 'äöü€𝄞' and see(): pass\r\n".encode())
+    (tmp_path / "robot.py").write_bytes("\ufeffif a(): pass\r\nif 'äöü€𝄞' and see(): pass\r\n".encode())
 
-    (decision,) = read_python(tmp_path / "robot.py", tmp_path, tmp_path).decisions
+    first, second = read_python(tmp_path / "robot.py", tmp_path, tmp_path).decisions
 
-    span = decision.place.span
+    assert (first.place.span.line, first.place.span.column) == (1, 4)
+    span = second.place.span
     assert (span.file, span.line, span.column, span.end_line, span.end_column) == ("robot.py", 2, 16, 2, 21)
 
 
