@@ -342,7 +342,9 @@ def _parts(test: ast.expr) -> Iterator[tuple[ast.expr, ast.expr, ValueType]]:
         case ast.Compare(left=left, comparators=comparators):
             sides = (left, *comparators)
             members = [member for side in sides for member in getattr(side, "elts", [side])]
-            type_ = _type_of([member.value for member in members if isinstance(member, ast.Constant)])
+            names = [_dotted_name(member).rpartition(".")[2] for member in members if isinstance(member, ast.Attribute)]
+            constants = [member.value for member in members if isinstance(member, ast.Constant)]
+            type_ = _type_of([*constants, *filter(str.isupper, names)])  # `Result.FAILED` is a member of an enum
             yield from ((test, side, type_) for side in sides if not isinstance(side, ast.Constant))
         case _:
             yield test, test, ValueType.BOOL

@@ -37,32 +37,15 @@ from codra_dsl.tooling.main_execution.model import (
     ValueType,
 )
 
-NAV2_CONDITIONS = frozenset(
-    {
-        "AreErrorCodesPresent",
-        "ArePosesNear",
-        "DistanceTraveled",
-        "GloballyUpdatedGoal",
-        "GoalReached",
-        "GoalUpdated",
-        "InitialPoseReceived",
-        "IsBatteryCharging",
-        "IsBatteryLow",
-        "IsPathValid",
-        "IsPoseOccupied",
-        "IsStopped",
-        "IsStuck",
-        "PathExpiringTimer",
-        "TimeExpired",
-        "TransformAvailable",
-        "WouldAControllerRecoveryHelp",
-        "WouldAPlannerRecoveryHelp",
-        "WouldASmootherRecoveryHelp",
-    }
+_NAV2_CONDITIONS = (
+    "DistanceTraveled|GlobalUpdatedGoal|GoalReached|GoalUpdated|InitialPoseReceived|PathExpiringTimer|TimeExpired|"
+    "TransformAvailable|WouldA[A-Z][a-z]+RecoveryHelp"
 )
-"""The condition nodes of Nav2, whose files of trees declare no nodes."""
+"""The conditions in Nav2's list of nodes whose names do not show it. Nav2's files of trees declare no nodes."""
 
-_CONDITION_NAME = re.compile(r"(?:Is|Are|Has|Have|Can|Was|Check)(?=[A-Z_0-9])|(?:is|are|has|have|can|was|check)_")
+_CONDITION_NAME = re.compile(
+    rf"(?:Is|Are|Has|Have|Can|Was|Check)(?=[A-Z_0-9])|(?:is|are|has|have|can|was|check)_|(?:{_NAV2_CONDITIONS})$"
+)
 """How the names of conditions begin, for nodes that nothing declares."""
 
 _REACTIVE = frozenset({"ReactiveSequence", "ReactiveFallback", "PipelineSequence"})
@@ -220,8 +203,8 @@ class _Reader:
         return node.subtree is not None or (is_own_leaf and self._kind(node) is NodeKind.ACTION)
 
     def _kind(self, leaf: TreeNode) -> NodeKind:
-        is_condition = leaf.id in NAV2_CONDITIONS or _CONDITION_NAME.match(leaf.id) is not None
-        return leaf.kind or self._kinds.get(leaf.id, NodeKind.CONDITION if is_condition else NodeKind.ACTION)
+        kind_by_name = NodeKind.ACTION if _CONDITION_NAME.match(leaf.id) is None else NodeKind.CONDITION
+        return leaf.kind or self._kinds.get(leaf.id, kind_by_name)
 
 
 def _joined(guards: list[_Asked], new_guards: list[_Asked]) -> list[_Asked]:

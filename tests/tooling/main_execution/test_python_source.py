@@ -130,6 +130,8 @@ def test_a_recursion_ends(tmp_path: Path) -> None:
         ("see().x == 3", "float"),
         ("see() == 'red'", "str"),
         ("see() in ('red', 'blue')", "str"),
+        ("see() == Result.FAILED", "str"),
+        ("see() == robot.goal", "bool"),
         ("see() == True", "bool"),
     ],
 )
