@@ -23,8 +23,8 @@ def draft(main_execution: MainExecution, name: str, source: str) -> str:
         name: the name of the spec.
         source: the path of the source, as the first comment shows it.
     """
-    decisions_by_variable = main_execution.by_variable()
-    perceived = {variable: found for variable, found in decisions_by_variable.items() if found[0].call}
+    by_variable, by_skill = main_execution.by_variable(), main_execution.by_skill()
+    perceived = {variable: decisions for variable, decisions in by_variable.items() if decisions[0].call}
     lines = [
         "codra: 1",
         f"name: {name}",
@@ -32,14 +32,15 @@ def draft(main_execution: MainExecution, name: str, source: str) -> str:
         f"# Drafted by codra import from {visible_text(source)}. Comments name the places in the source.",
         f"# Each comment '{TO_DO}' asks for something that the source does not state.",
         "context:",
-        *(line for variable, found in decisions_by_variable.items() for line in _variable_lines(variable, found)),
+        *(line for variable, decisions in by_variable.items() for line in _variable_lines(variable, decisions)),
     ]
     if perceived:
         lines += ["", "perception:"]
-        lines += (line for variable, found in perceived.items() for line in _algorithm_lines(variable, found, name))
+        for variable, decisions in perceived.items():
+            lines += _algorithm_lines(variable, decisions, name)
     lines += ["", "skills:"]
     for skill, place in main_execution.skill_places.items():
-        lines += _skill_lines(skill, place, [found for found in main_execution.decisions if found.skill == skill])
+        lines += _skill_lines(skill, place, by_skill[skill])
     return "".join(f"{line}\n" for line in lines)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import StrEnum
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity
@@ -74,10 +74,18 @@ class MainExecution:
 
     def by_variable(self) -> dict[str, list[Decision]]:
         """Return a mapping from the names of variables to their decisions, in the order of the source."""
-        decisions: dict[str, list[Decision]] = {}
-        for decision in self.decisions:
-            decisions.setdefault(decision.name, []).append(decision)
-        return decisions
+        return _grouped(self.decisions, lambda decision: decision.name)
+
+    def by_skill(self) -> dict[str, list[Decision]]:
+        """Return a mapping from the names of skills to their decisions, in the order of the source."""
+        return _grouped(self.decisions, lambda decision: decision.skill)
+
+
+def _grouped(decisions: Iterable[Decision], key: Callable[[Decision], str]) -> dict[str, list[Decision]]:
+    groups: dict[str, list[Decision]] = {}
+    for decision in decisions:
+        groups.setdefault(key(decision), []).append(decision)
+    return groups
 
 
 class SourceError(Exception):

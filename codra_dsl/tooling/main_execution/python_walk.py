@@ -41,7 +41,7 @@ _MAX_SHOWN = 80
 
 
 def perceives(function: Function) -> bool:
-    """Return whether a function returns a value, and its name says that it perceives: `is_open`, `detect_cup`.
+    """Return whether a function returns a value and has the name of a perception, such as `is_open` or `detect_cup`.
 
     A call of such a function is the decision, and branches inside it are the algorithm's own.
     """
