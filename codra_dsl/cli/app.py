@@ -27,6 +27,8 @@ _COMMANDS = {
     "graph": "codra_dsl.cli.graph:graph_command",
     "run": "codra_dsl.cli.run:run_commands",
     "sweep": "codra_dsl.cli.sweep:sweep_command",
+    "import": "codra_dsl.cli.files.imports:import_command",
+    "coverage": "codra_dsl.cli.files.coverage:coverage_command",
     "diff": "codra_dsl.cli.diff:diff_command",
     "init": "codra_dsl.cli.init:init_command",
     "shadow": "codra_dsl.cli.shadow:shadow_command",

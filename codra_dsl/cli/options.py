@@ -63,7 +63,7 @@ TimingsOption = Annotated[
 ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; NO_COLOR is respected.")]
 
 
-def _check_writable(output: Path | None) -> Path | None:
+def check_writable(output: Path | None) -> Path | None:
     """Refuse a path that cannot be written, before any work is done.
 
     An existing YAML file is refused as well, because it may be a spec, which would be overwritten. A link that leads
@@ -88,6 +88,6 @@ def _check_writable(output: Path | None) -> Path | None:
 OutputOption = Annotated[
     Path | None,
     typer.Option(
-        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_check_writable
+        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=check_writable
     ),
 ]

@@ -1,1 +1,1 @@
-"""Commands for single files that are not specs."""
+"""Commands for files that are not specs."""

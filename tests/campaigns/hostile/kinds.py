@@ -12,6 +12,7 @@ from tests.campaigns.hostile.reading import Kind
 from tests.campaigns.hostile.repositories import REPOSITORIES
 from tests.campaigns.hostile.settings import SETTINGS
 from tests.campaigns.hostile.single_files import SINGLE_FILES
+from tests.campaigns.hostile.sources import SOURCES
 from tests.campaigns.hostile.specs import SPECS
 from tests.campaigns.hostile.trees import TREES
 
@@ -24,6 +25,7 @@ KINDS: Mapping[str, Kind] = {
     "settings": SETTINGS,
     "files": SINGLE_FILES,
     "names": NAMES_KIND,
+    "sources": SOURCES,
     "specs": SPECS,
     "git": REPOSITORIES,
 }
