@@ -244,6 +244,25 @@ def test_a_message_without_a_valid_value_makes_its_variable_unknown(cart: Any, p
     assert cart.codra.get("supply").value == 1
 
 
+def test_a_message_from_the_future_is_dropped_and_one_without_stamp_is_evidence_from_now(
+    cart: Any, peer: Peer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    begin_s = cart.clock.now_s()
+    future, unstamped = battery(0.5, status=4), battery(0.5, status=1)
+    future.header.stamp.sec = 2**31 - 1
+    publisher = peer.node.create_publisher(BatteryState, "/battery_state", 10)
+    timer = peer.node.create_timer(0.02, lambda: publisher.publish(future))
+
+    cart.bridge.spin(peer.until(lambda: "/battery_state: a message is dropped" in capfd.readouterr().err))
+    peer.node.destroy_timer(timer)
+    peer.node.create_timer(0.02, lambda: publisher.publish(unstamped))
+    cart.bridge.spin(peer.until(lambda: cart.codra.get("supply").known))
+
+    values = {event.details["value"] for event in cart.codra.record.of(Kind.VARIABLE) if event.name == "supply"}
+    assert values == {1}
+    assert begin_s <= cart.codra.get("supply").evidence_s <= cart.clock.now_s()
+
+
 # Variables to topics and services
 
 
