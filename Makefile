@@ -264,6 +264,7 @@ $(RAFCON_READY): $(RAFCON_PINS) $(READY)
 	touch $@
 
 # Wheels of ROS 2 on top of what $(VENV) has. One of them runs code at each start of Python: never install them in $(VENV).
+.PRECIOUS: $(ROS)/%/.ready
 $(ROS)/%/.ready: $(ROS_PINS)/%.txt $(READY)
 	$(PYTHON) -m venv --clear $(ROS)/$*
 	$(ROS)/$*/bin/python -m pip install --quiet --no-deps --no-compile --require-hashes --requirement $< || \

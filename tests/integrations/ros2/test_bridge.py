@@ -466,6 +466,15 @@ def decisions_of_bag(path: Path, rate: float, folder: Path) -> list[tuple[Any, .
     return decisions
 
 
+def test_without_a_clock_simulated_time_does_not_begin() -> None:
+    node = rclpy.create_node("waiting", parameter_overrides=[rclpy.Parameter("use_sim_time", value=True)])
+
+    with pytest.raises(TimeoutError, match=r"no message on /clock within 0\.2 s"):
+        clock_of(node, timeout_s=0.2)
+
+    node.destroy_node()
+
+
 def test_a_bag_gives_the_same_decisions_at_double_speed(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag")
 

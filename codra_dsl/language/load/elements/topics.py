@@ -117,7 +117,7 @@ def _writer(reader: Reader, sources: Sequence[Reference]) -> str | None:
     writer = next((source.name for source in sources if source.name != _OBSERVER), None)
     if writer is not None and not is_computed:
         return writer
-    message = f"{reader.subject} has 'ros', but nobody may write the messages' values"
+    message = f"{reader.subject} has 'ros', but no source that can write its values"
     help_text = "name an agent or main_execution under 'source', or remove 'ros'"
     if is_computed:
         message, help_text = f"{reader.subject} has 'ros', but its value is computed", "remove 'ros'"
