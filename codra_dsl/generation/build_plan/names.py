@@ -23,7 +23,8 @@ MODULE_NAMES = frozenset(
     {"VARIABLES", "OBSERVERS", "SKILLS", "math", "observer", "perception"}
     | {"Behaviour", "FailureIsSuccess", "Parallel", "ParallelPolicy", "Selector", "Sequence"}
     | {"Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"}
-    | {"Algorithm", "ExpectationModel", "Observer", "ObserverModel", "PreviewCondition", "SkillModel", "VariableModel"}
+    | {"Algorithm", "ExpectationModel", "Observer", "ObserverModel", "PreviewCondition", "SkillModel"}
+    | {"TopicModel", "VariableModel"}
     | {"boolean", "integer", "member", "real", "text"}
     | CONDITION_WORDS
     | POSE_FUNCTIONS

@@ -21,6 +21,7 @@ from codra_dsl.language.model import (
     Resource,
     Returned,
     Skill,
+    Topic,
     ValueType,
     Variable,
 )
@@ -39,6 +40,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     "ResourceModel": {"slots": "None", "handle": "None"},
     "SkillModel": {"preview": "()", "preview_conditions": "()", "monitor": "()", "changes": "()", "expects": "()"},
     "ExpectationModel": {"within_s": "math.inf"},
+    "TopicModel": {"factor": "1.0", "qos": '"default"'},
     "VariableModel": {
         "label": '""',
         "sources": '("observer",)',
@@ -49,6 +51,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "pose_condition": "None",
         "resolution_m": "None",
         "derived": "None",
+        "ros": "None",
     },
 }
 """The default values of the runtime. Generated code leaves out a field that has its default value."""
@@ -111,8 +114,23 @@ def variable_declaration(declared_variable: Variable, computed: Mapping[str, str
         pose_condition="None" if pose_condition is None else expression,
         resolution_m=_resolution_m(pose_condition),
         derived="None" if declared_variable.derived is None else expression,
+        ros="None" if declared_variable.ros is None else _topic(declared_variable.ros, imports),
     )
     return call("VariableModel", **fields)
+
+
+def _topic(topic: Topic, imports: Imports) -> Expression:
+    fields = _fields(
+        "TopicModel",
+        imports,
+        topic=literal(topic.topic),
+        type=literal(topic.type),
+        field=literal(topic.field),
+        writer=literal(topic.writer),
+        factor=literal(topic.factor),
+        qos=text_literal(topic.qos),
+    )
+    return call("TopicModel", **fields)
 
 
 def _resolution_m(pose_condition: PoseCondition | None) -> Expression:

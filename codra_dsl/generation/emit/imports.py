@@ -23,7 +23,7 @@ _NAMES_BY_MODULE: Mapping[str, Iterable[str]] = {
         *[*CONDITION_WORDS, "Term"],
         *["Algorithm", "ContextModel", "ExpectationModel", "HandleModel", "ObserverModel", "PreviewCondition"],
         *["ResourceModel", "SkillModel"],
-        *["VariableModel", "boolean", "integer", "member", "real", "text"],
+        *["TopicModel", "VariableModel", "boolean", "integer", "member", "real", "text"],
         *["Motion", "Pose"],
         *[
             "RuleExecution",

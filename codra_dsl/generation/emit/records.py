@@ -57,6 +57,7 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
         (Skill, "preview_names"),
         (Skill, "preview_conditions"),
         *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition", "derived", "resolution_m")),
+        (Variable, "ros"),
     }
 )
 # A checked algorithm holds an algorithm's conditions a second time, translated to Python.
@@ -263,6 +264,7 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
         if agent.period_s is not None:
             yield agent.name, agent.period_s
     yield from ((algorithm.name, "host", algorithm.host) for algorithm in spec.perception if algorithm.host)
+    yield from ((variable.name, variable.ros) for variable in spec.context if variable.ros is not None)
     for adaptation in spec.adaptation:
         does = adaptation.does
         if isinstance(does, Parameter) and does.otherwise is not None:

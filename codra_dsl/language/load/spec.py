@@ -22,6 +22,7 @@ from codra_dsl.language.load.pose_conditions import with_pose_conditions
 from codra_dsl.language.load.schema.document import SECTIONS, Document, read_document, take_section
 from codra_dsl.language.load.site.overlay import Overlay
 from codra_dsl.language.load.site.site_file import SiteFile, read_site_file
+from codra_dsl.language.load.topics import check_topics
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.origin import Origin
@@ -138,6 +139,7 @@ def _read_spec(
         root,
         findings,
     )
+    message_files = check_topics(elements.elements_by_section["context"].values(), root, findings)
     damaged_names = _damaged_names(
         elements, lost_sections if uses.is_complete and parts.is_complete else frozenset(SECTIONS)
     )
@@ -153,7 +155,7 @@ def _read_spec(
         file=document.origin.source.file,
         files=(*(part.origin.source.file for part in parts.documents), *([] if site is None else [site.file])),
         site=site,
-        modules=module_files,
+        modules=(*module_files, *message_files),
         **elements_by_section,
         uses=tuple(uses.valid_uses),
         templates=tuple(uses.declared_templates()),

@@ -85,6 +85,7 @@ from codra_dsl.language.model.mape import (
 )
 from codra_dsl.language.model.site import Handle, Replacement, Site
 from codra_dsl.language.model.spec import AnyName, DeclaredParameter, DeclaredTemplate, Spec, Use
+from codra_dsl.language.model.topic import Qos, Topic
 
 __all__ = [
     "ADAPTER",
@@ -140,6 +141,7 @@ __all__ = [
     "PlaceOf",
     "Places",
     "PoseCondition",
+    "Qos",
     "Rate",
     "RateKind",
     "Reference",
@@ -156,6 +158,7 @@ __all__ = [
     "StartingValue",
     "Task",
     "TaskState",
+    "Topic",
     "TreeElement",
     "Usage",
     "Use",

@@ -14,6 +14,7 @@ from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression import Node
 from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import Term
+from codra_dsl.language.model.topic import Topic
 
 FOREVER_S = math.inf
 DEFAULT_PERIOD_S = 1.0
@@ -258,8 +259,7 @@ class Variable:
     """A context-variable c = (name, value) of C_M (P1, Equations 1 to 3).
 
     Attributes:
-        sources: who may write the variable: `observer`, `main_execution`, or agents' names; empty if its `source` is
-            not stated.
+        sources: who may write the variable: `observer`, `main_execution`, or agents; empty if `source` is not stated.
         valid_for_s: how long evidence is valid; FOREVER_S for `forever`, or if its `valid_for` is not stated.
         states_validity: whether the spec states its `valid_for`.
         history: the number of readings that are kept.
@@ -272,8 +272,8 @@ class Variable:
             variable; None for any other variable.
         derived: the expression over other variables from which the value follows; None for other variables.
         resolution_m: the step to which the distances in `derived` are rounded; None if it is not stated.
-        places: the places of the entries, by key (`valid_for`, `source`, ...); `name` is the place of the variable's
-            name.
+        ros: the topic of ROS 2 from which the values come; None without a topic.
+        places: the places of the entries, by key; `name` is the place of the variable's name.
     """
 
     name: str
@@ -294,6 +294,7 @@ class Variable:
     pose_condition: PoseCondition | None = None
     derived: Condition | None = None
     resolution_m: float | None = None
+    ros: Topic | None = None
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 
     @property

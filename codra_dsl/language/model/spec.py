@@ -101,7 +101,8 @@ class Spec:
         file: the spec's own file, relative to the project root.
         files: all files of the spec: its own file first, then parts in the order of inclusion.
         site: the values that a site's file states; None without a site. The last of `files` is the site's file.
-        modules: the files of Python modules with which its calls were compared, including files that do not exist.
+        modules: the files with which its calls and topics were compared: Python modules and definitions of messages,
+            including files that do not exist.
         origins: for each element (`kind`, `name`), the name of its generated module. A module is named after the `use`
             that made the element, or after the element's file. The name is an identifier, unique without regard to
             case.

@@ -189,6 +189,27 @@ def _make_range(low: float | None, high: float | None) -> tuple[float, float] | 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TopicModel:
+    """A field of the messages of a ROS 2 topic, from which a variable gets its values.
+
+    Attributes:
+        topic: the name of the topic.
+        type: the type of the messages, `package/msg/Name`.
+        field: the path of the field: names with dots, and indices in brackets.
+        writer: `main_execution` or the agent as which the values are written.
+        factor: the number by which the field is multiplied to get a value in the unit of the variable.
+        qos: the quality of service of the subscription.
+    """
+
+    topic: str
+    type: str
+    field: str
+    writer: str
+    factor: float = 1.0
+    qos: Literal["default", "sensor_data", "latched"] = "default"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VariableModel:
     """A context-variable of C_M (P1, Equations 1 to 3).
 
@@ -202,6 +223,7 @@ class VariableModel:
             its distance, or the number of matches of a path; otherwise None.
         resolution_m: the step to which a distance is rounded.
         derived: if the variable is derived, the expression over its inputs; otherwise None.
+        ros: the topic of ROS 2 from which the values come; None without a topic.
     """
 
     name: str
@@ -215,6 +237,7 @@ class VariableModel:
     pose_condition: Term | None = field(default=None, compare=False)
     resolution_m: float | None = None
     derived: Term | None = field(default=None, compare=False)
+    ros: TopicModel | None = None
 
     @property
     def is_computed(self) -> bool:

@@ -104,6 +104,7 @@ FIELD_COMPARERS: ComparerTable = {
         "rate": compare_rate,
         "is_derived": compare_nothing,
         "pose_condition": compare_nothing,
+        "ros": equality_comparer(Category.PERCEIVED_OTHERWISE, "its values come from another topic of ROS 2"),
     },
     model.ValueType: dict.fromkeys(("kind", "unit", "range", "values"), compare_nothing),
     model.Algorithm: {

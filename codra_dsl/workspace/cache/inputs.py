@@ -14,7 +14,7 @@ from pathlib import Path
 from codra_dsl.language.file_queries import MAX_SPEC_BYTES, Answers, read_file, real_path, recorded_queries
 from codra_dsl.language.project import SETTINGS, relative_path, yaml_files
 
-_LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "networkx", "jinja2")
+_LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "networkx", "jinja2", "rosbags")
 _EXCLUDED_FOLDERS = frozenset({"__pycache__", "cli", "integrations", "runtime"})
 
 

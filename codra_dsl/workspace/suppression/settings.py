@@ -1,4 +1,4 @@
-"""Read the table `[tool.codra.lint]` of a project's `pyproject.toml`. Errors in the table are findings with a place."""
+"""Read the tables under `[tool.codra]` of a project's `pyproject.toml`. Errors become findings with a place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from codra_dsl.workspace.suppression.toml_places import Steps, TomlPlaces
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
 _TABLE_PATH = ("tool", "codra", "lint")
 _LINT_KEYS = ("select", "ignore", "severity", "fail-on")
-_CODRA_KEYS = ("lint",)
+_CODRA_KEYS = ("lint", "ros")
+_ROS_KEYS = ("messages",)
 _CODE_PREFIX = re.compile(r"CDR[0-9]{0,4}")
 _POSITION_IN_ERROR = re.compile(r" \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)$")
 _MAX_SUGGESTIONS = 100
@@ -123,6 +124,7 @@ class _SettingsReader:
     def settings(self) -> Settings:
         """Return the valid part of the settings."""
         codra = self._table(self._codra, _CODRA_KEYS, _TABLE_PATH[:2])
+        self._check_ros(self._table(codra.get("ros", {}), _ROS_KEYS, (*_TABLE_PATH[:2], "ros")))
         lint = self._table(codra.get("lint", {}), _LINT_KEYS, _TABLE_PATH)
         codes = {key: self._codes(key, lint[key]) for key in ("select", "ignore") if key in lint}
         self._report_contradictions(codes)
@@ -155,6 +157,13 @@ class _SettingsReader:
                 message = f"unknown key '{key}' in {header}"
                 self._add_finding("unknown-setting", message, help, self._places.key(*steps, key), *steps, key)
         return table
+
+    def _check_ros(self, table: Mapping[str, object]) -> None:
+        """Report folders of messages that are no list of texts; `language.load.message_types` reads the folders."""
+        folders = table.get("messages", [])
+        if not isinstance(folders, list) or not all(isinstance(folder, str) for folder in folders):
+            steps = (*_TABLE_PATH[:2], "ros", "messages")
+            self._report_wrong_setting("'messages' must be a list of folders", 'write messages = ["src"]', steps)
 
     def _suggest_key(self, key: str, known_keys: Iterable[str]) -> str | None:
         return key if key in known_keys else self._limited(lambda: suggest(key, known_keys))

@@ -32,7 +32,7 @@ from codra_dsl.generation.emit.literals import literal, prose, text_literal
 from codra_dsl.integrations.inspection.loading import load_start
 from codra_dsl.language.check.checked.spec import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Access, Kind, Resource, Returned, Usage, Use, ValueType
+from codra_dsl.language.model import Access, Kind, Resource, Returned, Topic, Usage, Use, ValueType
 from codra_dsl.runtime import ContextManager, SimClock
 from codra_dsl.runtime.observers.observer import ObserverModel
 from codra_dsl.runtime.values import model as runtime_model
@@ -94,7 +94,13 @@ def rich() -> CheckedSpec:
         variables=[
             variable("bright", sources=(reference("main_execution"), reference("lamp_agent"))),
             variable("pose", type=ValueType(kind=Kind.FLOAT, unit="m", range=(-1.0, math.inf)), sources=main()),
-            variable("speed", type=ValueType(kind=Kind.INT, range=(0.0, 3.0)), sources=main(), valid_for_s=2.5),
+            variable(
+                "speed",
+                type=ValueType(kind=Kind.INT, range=(0.0, 3.0)),
+                sources=main(),
+                valid_for_s=2.5,
+                ros=Topic(topic="/speed", type="std_msgs/msg/Int8", field="data", writer="main_execution"),
+            ),
             variable("title", type=ValueType(kind=Kind.STR), sources=main(), history=7),
             variable("mode", type=ValueType(kind=Kind.ENUM, values=("idle", "busy")), label="Betriebsart"),
         ],

@@ -43,6 +43,7 @@ WHOLE_VALUE_CLASSES = {
     "Site": "specs are compared with the values of their sites",
     "StartingPose": "a pose is compared as one value",
     "StartingValue": "the starting values of a node are compared together",
+    "Topic": "a topic is compared as one value",
     "Use": "specs are compared with their templates expanded",
     "View": "a view is compared as one value",
     "Writer": "writers are compared by name and order",
@@ -106,6 +107,7 @@ def sample_plans() -> tuple[BuildPlan, ...]:
         *oven_plans,
         *knowledge_plans,
         *plan_paths([CASES / "loops-everything/spec.yaml"], CASES / "loops-everything").plans,
+        *plan_paths([CASES / "ros-topics/spec.yaml"], CASES / "ros-topics").plans,
     )
 
 

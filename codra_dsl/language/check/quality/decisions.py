@@ -64,7 +64,7 @@ def decisions_without_observer(spec_index: SpecIndex, faults: FaultyElements) ->
     """Every variable that a skill previews can be observed: by an observer, or by the main execution as a fallback."""
     for variable, mentions in _unidentified_variables(spec_index, faults, _preview_mentions(spec_index, faults)):
         sources = [source.name for source in variable.sources]
-        if OBSERVER in sources or MAIN_EXECUTION in sources:
+        if OBSERVER in sources or MAIN_EXECUTION in sources or _has_topic(spec_index, variable):
             continue
         (skill, place), *others = mentions
         agents_text = " and ".join(f"agent '{name}'" for name in sources)
@@ -80,10 +80,15 @@ def decisions_without_observer(spec_index: SpecIndex, faults: FaultyElements) ->
         )
 
 
+def _has_topic(spec_index: SpecIndex, variable: Variable) -> bool:
+    """Return whether a variable has, or may have, a topic of ROS 2, whose messages renew it like an observer."""
+    return variable.ros is not None or not spec_index.is_readable("context", variable.name, "ros")
+
+
 def unwatched_monitors(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill monitors has a source other than the main execution, which is busy acting."""
     for variable, mentions in _unidentified_variables(spec_index, faults, _monitor_mentions(spec_index, faults)):
-        if {source.name for source in variable.sources} != {MAIN_EXECUTION}:
+        if {source.name for source in variable.sources} != {MAIN_EXECUTION} or _has_topic(spec_index, variable):
             continue
         (skill, place), *others = mentions
         yield finding(

@@ -15,6 +15,7 @@ from codra_dsl.language.load.elements.derivations import read_derivation
 from codra_dsl.language.load.elements.loops import read_rate, read_terms
 from codra_dsl.language.load.elements.monitor import read_expectation
 from codra_dsl.language.load.elements.preview import read_preview
+from codra_dsl.language.load.elements.topics import read_topic
 from codra_dsl.language.load.elements.values import read_literal, read_type
 from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
@@ -56,13 +57,14 @@ _CONFIRM = re.compile(r"([0-9]{1,9})\s+of\s+([0-9]{1,9})")
 def build_variable(reader: Reader) -> Variable:
     """Return a context-variable."""
     derived, resolution_m = read_derivation(reader)
+    value_type, sources = read_type(reader, reader.node), reader.references("source")
     return Variable(
         name=reader.subject.name,
-        type=read_type(reader, reader.node),
+        type=value_type,
         place=reader.place,
         label=reader.text("label", reader.subject.name),
         description=reader.text("description", ""),
-        sources=reader.references("source") if derived is None else (Reference(name=DERIVED, place=derived.place),),
+        sources=sources if derived is None else (Reference(name=DERIVED, place=derived.place),),
         valid_for_s=reader.duration_s("valid_for", FOREVER_S, most="forever"),
         states_validity="valid_for" in reader.node.entries,
         when_unobservable=reader.choice("when_unobservable", WhenUnobservable.KEEP),
@@ -73,6 +75,7 @@ def build_variable(reader: Reader) -> Variable:
         rate=read_rate(reader),
         derived=derived,
         resolution_m=resolution_m,
+        ros=read_topic(reader, value_type, sources),
         places=reader.places(),
     )
 

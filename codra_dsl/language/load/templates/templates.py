@@ -64,7 +64,7 @@ _KEYS = frozenset({"parameters", *KEYS})
 _BARE_WORD = re.compile(r"(?<![$\w(])[A-Za-z]\w*(?![\w)])")
 _PARAMETER_MARK = re.compile(r"[$){]")
 _WORD_CHARACTER = re.compile(r"[\w$).]")
-_TEXT_KEYS = frozenset({"label", "description"})
+_TEXT_KEYS = frozenset({"label", "description", "topic", "field"})
 _CONDITION_KEYS = frozenset(
     {
         ("context", "derived"),

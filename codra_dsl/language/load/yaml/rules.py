@@ -57,6 +57,7 @@ RULES = rules(
     ("CDR2014", "monitor", _ERROR),
     ("CDR2015", "confirm", _ERROR),
     ("CDR2016", "fuzzy-term", _ERROR),
+    ("CDR2017", "ros-name", _ERROR),
     ("CDR2021", "not-a-site", _ERROR),
     # Names of parts, templates and elements
     ("CDR3001", "ill-formed-name", _ERROR),
@@ -78,6 +79,11 @@ RULES = rules(
     ("CDR3028", "parameter-outside-template", _ERROR),
     ("CDR3030", "call-not-found", _WARNING),
     ("CDR3031", "call-arguments", _WARNING),
+    # Topics of ROS 2
+    ("CDR3035", "unknown-message-type", _WARNING),
+    ("CDR3036", "unknown-message-field", _ERROR),
+    ("CDR3037", "ros-without-writer", _ERROR),
+    ("CDR4003", "message-type-mismatch", _ERROR),
     # Sites
     ("CDR3032", "site-without-spec", _ERROR),
     ("CDR3033", "not-in-spec", _ERROR),
