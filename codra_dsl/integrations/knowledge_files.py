@@ -69,10 +69,10 @@ class _Findings:
         return any(diagnostic.rule.is_binding for diagnostic in self.diagnostics)
 
     def add(self, rule: str, message: str, place: _FilePlace = (1, 1, 0), *, help: str = "") -> None:
-        """Report a finding of a rule in `RULES`. After MAX_ERRORS, only a first error is added."""
+        """Report a finding of a rule in `RULES`. After MAX_ERRORS findings, only the first error is added."""
         line, column, length = place
         span = Span(self.file, line, column, line, column + length)
-        if len(self.diagnostics) < MAX_ERRORS or not self.has_errors:
+        if len(self.diagnostics) < MAX_ERRORS or (RULES[rule].is_binding and not self.has_errors):
             self.diagnostics.append(Diagnostic(rule=RULES[rule], message=message, place=Place(span), help=help))
 
 
@@ -91,7 +91,7 @@ def _check_dsr(text: str, findings: _Findings) -> DsrGraph:
         path = next(path for end in range(len(error.path), -1, -1) if (path := error.path[:end]) in places)
         rule = "edge-to-missing-node" if error.is_missing_node else "graph-wrong-value"
         key = f"{error.path[-1]}: " if path != error.path else ""
-        help = "it is skipped" if error.is_missing_node else ""
+        help = "the edge is skipped" if error.is_missing_node else ""
         findings.add(rule, f"{key}{error.reason}", places[path], help=help)
     return graph
 

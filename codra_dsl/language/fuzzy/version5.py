@@ -5,7 +5,9 @@
 | `accumulation: S` | `aggregation: S` |
 | `lock-valid: true` (4 and 5) | `lock-previous: true` |
 | `activation: T`, where T is a norm | `implication: T` and `activation: General` |
-| `activation: none` | `activation: General` |
+| `activation: none`, or no activation | `activation: General` |
+
+Public files also have `accumulation` beside the `implication` of version 6.
 """
 
 from __future__ import annotations
@@ -16,18 +18,24 @@ from codra_dsl.language.fuzzy.source import Findings, Line, Word
 from codra_dsl.language.fuzzy.words import Method, TNorm
 
 _NEW_KEYS = {"accumulation": "aggregation", "lock-valid": "lock-previous"}
-_NORMS = frozenset(TNorm)
+_HEADS = ("Engine", "InputVariable", "OutputVariable", "RuleBlock")
 _NO_NORM = ("", "none")
 
 
 def convert_from_version_5(definitions: Iterable[Line], findings: Findings) -> list[Line]:
     """Return definitions in the words of version 6, at the places of the original ones. Report a file of version 5.
 
-    A file with an implication is of version 6, because version 5 has none.
+    A norm as activation is a mistake in a file that also has an implication, which version 5 does not have.
     """
     lines = list(definitions)
-    old_lines = [line for line in lines if line.key.text in _NEW_KEYS or _has_norm_as_activation(line)]
-    if not old_lines or any(line.key.text == "implication" for line in lines):
+    has_implication = any(line.key.text == "implication" for line in lines)
+    norms_as_activation = () if has_implication else tuple(TNorm)
+    old_lines = [
+        line
+        for line in lines
+        if line.key.text in _NEW_KEYS or (line.key.text == "activation" and line.value.text in norms_as_activation)
+    ]
+    if not old_lines:
         return lines
     replacements = dict.fromkeys(_replacement_text(line) for line in old_lines)
     findings.add(
@@ -36,11 +44,7 @@ def convert_from_version_5(definitions: Iterable[Line], findings: Findings) -> l
         old_lines[0].key.place,
         f"in version 6, write {'; '.join(replacements)}",
     )
-    return [new_line for line in lines for new_line in _converted(line)]
-
-
-def _has_norm_as_activation(line: Line) -> bool:
-    return line.key.text == "activation" and line.value.text in _NORMS
+    return [new_line for line in _with_activations(lines) for new_line in _converted(line, norms_as_activation)]
 
 
 def _replacement_text(line: Line) -> str:
@@ -50,12 +54,31 @@ def _replacement_text(line: Line) -> str:
     return f"'implication: {norm}' and 'activation: {Method.GENERAL}' for 'activation: {norm}'"
 
 
-def _converted(line: Line) -> Iterator[Line]:
+def _with_activations(lines: list[Line]) -> Iterator[Line]:
+    """Yield definitions; a block without activation gets an empty one."""
+    block: Line | None = None
+    for line in lines:
+        if line.key.text in _HEADS:
+            if block is not None:
+                yield _empty_activation(block)
+            block = line if line.key.text == "RuleBlock" else None
+        elif line.key.text == "activation":
+            block = None
+        yield line
+    if block is not None:
+        yield _empty_activation(block)
+
+
+def _empty_activation(block: Line) -> Line:
+    return Line(Word("activation", block.key.place), Word("", block.key.place))
+
+
+def _converted(line: Line, norms_as_activation: tuple[str, ...]) -> Iterator[Line]:
     key, value = line.key, line.value
     if key.text in _NEW_KEYS:
         yield Line(Word(_NEW_KEYS[key.text], key.place), value)
-    elif key.text == "activation" and value.text in (*_NORMS, *_NO_NORM):
-        if value.text in _NORMS:
+    elif key.text == "activation" and value.text in (*norms_as_activation, *_NO_NORM):
+        if value.text not in _NO_NORM:
             yield Line(Word("implication", key.place), value)
         yield Line(key, Word(Method.GENERAL.value, value.place))
     else:

@@ -12,7 +12,7 @@ from codra_dsl.language.diagnostics import Severity
 from codra_dsl.language.fuzzy import compile_engine, read_fll, write_fll
 from codra_dsl.language.fuzzy.model import Activation
 from codra_dsl.language.fuzzy.source import MAX_BYTES, MAX_FINDINGS, MAX_LINES
-from codra_dsl.language.fuzzy.words import Method
+from codra_dsl.language.fuzzy.words import Method, TNorm
 from tests.language.fuzzy.engines import FOLDER, NAMES, loaded, stored
 
 GOOD = """\
@@ -99,7 +99,7 @@ MISTAKES = [
     (
         "  aggregation: Maximum",
         "  accumulation: Maximum",
-        "12:3 fll-unknown-key: unknown key of OutputVariable 'accumulation'",
+        "12:3 fll-version-5: an engine of FuzzyLite 5: it is read as if it were converted to version 6",
     ),
     ("  activation: General", "  activation: Minimum", "23:15 fll-unknown-word: unknown activation 'Minimum'"),
     ("  activation: General", "  activation: Frist", "23:15 fll-unknown-word: unknown activation 'Frist'"),
@@ -166,6 +166,16 @@ def test_an_engine_of_fuzzylite_5_without_a_norm_for_conclusions_has_general_act
     assert engine is not None
     assert engine.blocks[0].implication is None
     assert engine.blocks[0].activation == Activation(method=Method.GENERAL)
+
+
+def test_an_engine_with_words_of_both_versions_and_without_activation_is_read() -> None:
+    mixed = GOOD.replace("aggregation:", "accumulation:").replace("  activation: General\n", "")
+    two_blocks = mixed + mixed[mixed.index("RuleBlock:") :].replace("only", "other")
+    engine = read_fll(two_blocks.encode(), "mixed.fll").engine
+
+    assert engine is not None
+    assert [block.activation for block in engine.blocks] == [Activation(method=Method.GENERAL)] * 2
+    assert [block.implication for block in engine.blocks] == [TNorm.MINIMUM] * 2
 
 
 def test_mistakes_in_an_engine_of_fuzzylite_5_are_reported_beside_its_version() -> None:
