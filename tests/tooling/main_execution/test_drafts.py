@@ -19,6 +19,32 @@ from codra_dsl.tooling.main_execution.sources import read_source
 
 CASES = Path(__file__).parents[2] / "cases/imports"
 SOURCES = sorted(path for path in CASES.iterdir() if path.suffix not in (".yaml", ""))
+VARIABLES = {
+    "asking.py": {"entrance_open", "exit_open", "people_near"},
+    "patrol.py": {
+        "navigator_battery_level",
+        "navigator_get_feedback",
+        "navigator_get_result",
+        "navigator_is_task_complete",
+        "navigator_people",
+    },
+    "waiter.py": {
+        "base_is_at_door",
+        "base_is_at_window",
+        "battery_level",
+        "detect_cup",
+        "door_is_open",
+        "is_holding",
+        "is_occupied_door",
+        "is_occupied_window",
+        "robot_mode",
+    },
+    "cross_door.xml": {"door_locked", "force", "is_door_closed", "tool"},
+    "inspect.xml": {"arm_ready", "distance", "mode", "object_visible_handle", "object_visible_valve", "tool"},
+    "navigate.xml": {"global_updated_goal", "goal_updated", "is_battery_low_0_2", "is_path_valid", "recovery"},
+}
+"""The variables of the decisions in each source, listed by hand."""
+
 PLACE = re.compile(r"# (\S+?):(\d+):(\d+)(?:: (.*))?$")
 
 
@@ -36,6 +62,13 @@ def test_a_source_gives_exactly_the_expected_draft(source: Path, renew_cases: bo
         expected.write_text(text, "utf-8")
 
     assert text == expected.read_text("utf-8")
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
+def test_a_draft_has_one_variable_for_each_decision_and_no_others(source: Path, tmp_path: Path) -> None:
+    (plan,) = plan_text(draft_of(source), "specs/draft.yaml", tmp_path).plans
+
+    assert set(plan.checked.variables) == VARIABLES[source.name]
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
