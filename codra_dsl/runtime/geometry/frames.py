@@ -9,6 +9,7 @@ tracks are the same objects, so it always equals a newly computed one.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from codra_dsl.runtime.geometry.motion import ANY_MOTION, Motion, Outcome, Placement, Track
@@ -57,6 +58,11 @@ class Frames:
         """Begin without frames."""
         self._tracks: PersistentMap[str, Track] = PersistentMap()
         self._cache: dict[tuple[str, str, float], _CachedTransform] = {}
+
+    @classmethod
+    def of(cls, tracks: Mapping[str, Track]) -> Frames:
+        """Return the frames with these tracks, by the names of the frames."""
+        return cls()._with_tracks(PersistentMap[str, Track]().with_changes(tracks))
 
     def with_pose(self, child: str, parent: str, pose: Pose, stamp_s: float, motion: Motion = ANY_MOTION) -> Frames:
         """Return the frames with one more pose of a frame; the pose holds from `stamp_s` until the frame's next pose.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -67,6 +67,15 @@ class Placement(NamedTuple):
     gap_s: float = 0.0
 
 
+class TrackEntry(NamedTuple):
+    """One stamped pose of a track, with its parent (None if the frame has no parent from then on) and its motion."""
+
+    stamp_s: float
+    parent: str | None
+    pose: Pose
+    motion: Motion
+
+
 class Track:
     """The stamped poses of one frame. Each pose has a parent and a motion. Objects are immutable.
 
@@ -84,6 +93,25 @@ class Track:
         self._motions: list[Motion] = []
         self._start = 0
         self._end = 0
+
+    @classmethod
+    def of(cls, entries: Iterable[TrackEntry]) -> Track:
+        """Return the track with these entries, which are ordered by their stamps."""
+        track = cls()
+        for entry in entries:
+            track._stamps_s.append(entry.stamp_s)
+            track._parents.append(entry.parent)
+            track._poses.append(entry.pose)
+            track._motions.append(entry.motion)
+        track._end = len(track._stamps_s)
+        return track
+
+    def entries(self) -> Iterator[TrackEntry]:
+        """Yield the entries, the oldest first."""
+        for position in range(self._start, self._end):
+            yield TrackEntry(
+                self._stamps_s[position], self._parents[position], self._poses[position], self._motions[position]
+            )
 
     def __len__(self) -> int:
         return self._end - self._start

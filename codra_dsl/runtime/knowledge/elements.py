@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right, insort_right
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
 from types import MappingProxyType
@@ -67,6 +67,15 @@ class History:
         self.name = attribute.variable or subject
         self._capacity = 2 * attribute.model.history + _MIN_OUTDATED_READINGS
 
+    @classmethod
+    def of(
+        cls, attribute: Attribute, subject: str, readings: Iterable[Reading[Value]], override: Override | None
+    ) -> History:
+        """Return the history of these readings, which are ordered by their evidence and belong to every version."""
+        history = cls(attribute, subject)
+        history._entries, history.override = [(_VERSION_BEFORE_ALL, reading) for reading in readings], override
+        return history
+
     def reading_at(self, version: int) -> Reading[Value]:
         """Return the override, or the newest reading in a version of the graph."""
         return self._newest_reading(version) if self.override is None else self.override
@@ -82,12 +91,15 @@ class History:
 
     def readings_at(self, version: int) -> tuple[Reading[Value], ...]:
         """Return the readings in a version of the graph, the oldest first; an override is the last one."""
-        end = bisect_right(self._entries, version, key=_get_first_version)
-        readings = tuple(reading for _, reading in self._entries[max(0, end - self.attribute.model.history) : end])
-        override = self.override
+        readings, override = self.readings_of_sources_at(version), self.override
         if override is None:
             return readings
         return (*(reading for reading in readings if reading.holds_from_s < override.evidence_s), override)
+
+    def readings_of_sources_at(self, version: int) -> tuple[Reading[Value], ...]:
+        """Return the readings in a version of the graph without an override, the oldest first."""
+        end = bisect_right(self._entries, version, key=_get_first_version)
+        return tuple(reading for _, reading in self._entries[max(0, end - self.attribute.model.history) : end])
 
     def make_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int

@@ -27,6 +27,7 @@ from codra_dsl.runtime.knowledge.state import Handover, Request
 REQUESTER = "requester"
 UNACKNOWLEDGED = "unacknowledged"
 OVERDUE = "overdue"
+EXECUTOR_LOST = "executor_lost"
 
 
 class ConflictError(RuntimeError):
@@ -81,6 +82,15 @@ def abort(change_set: ChangeSet, request: Request) -> None:
         change_set.agent, f"the abortion of request {request.number} of {request.task}"
     )
     _write(change_set, model, before, _aborted_copy(before, change_set.now_s, REQUESTER))
+
+
+def abandon(change_set: ChangeSet, task: str) -> None:
+    """Abort a task that has begun, because the program of its executor is lost; otherwise do nothing."""
+    model = _task_model(change_set.schema, task)
+    Permissions(by(model.by)).check(change_set.agent, f"the end of {task}")
+    handover = _present_handover(change_set, model)
+    if handover.stage is Stage.IS:
+        _write(change_set, model, handover, _aborted_copy(handover, change_set.now_s, EXECUTOR_LOST))
 
 
 def expire(change_set: ChangeSet, task: str) -> None:

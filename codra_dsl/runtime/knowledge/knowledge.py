@@ -13,11 +13,9 @@ map.
 from __future__ import annotations
 
 import weakref
-from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
-from itertools import chain
 from typing import Any, TypeVar
 
 from codra_dsl.logic import Value
@@ -25,39 +23,27 @@ from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.errors import AgentTakenError, unknown_name_error
 from codra_dsl.runtime.forks import new_lock
-from codra_dsl.runtime.geometry import Transform
-from codra_dsl.runtime.knowledge import handshake
-from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, raise_closed_error
+from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, Transaction
 from codra_dsl.runtime.knowledge.change_set import ChangeRecord, ChangeSet, ChangeSubject
 from codra_dsl.runtime.knowledge.context_link import ContextLink, RefusedWrite
-from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, Pattern
+from codra_dsl.runtime.knowledge.declarations import KnowledgeModel
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
-from codra_dsl.runtime.knowledge.matching import subjects_of_patterns
 from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Verb
 from codra_dsl.runtime.knowledge.permissions import GRAPH_WRITER, Audit, Refusal
-from codra_dsl.runtime.knowledge.rule_execution import RuleError, RuleExecution
+from codra_dsl.runtime.knowledge.rule_execution import RuleError, explain_missing
+from codra_dsl.runtime.knowledge.shared_graph import GraphChange, SharedGraph
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import OvertakenError, State
-from codra_dsl.runtime.knowledge.watches import (
-    Change,
-    View,
-    Watch,
-    Watches,
-    watch_functions_for_attribute,
-    watch_functions_for_matches,
-    watch_functions_for_wakes,
-)
 from codra_dsl.runtime.values.cell import Override, Reading
 from codra_dsl.runtime.values.declarations import OPERATOR
 
 ResultT = TypeVar("ResultT")
-ValueT = TypeVar("ValueT")
 
-MAX_PAST_INSTANTS = 4_096
-"""The maximum number of instants with changes that `at` can go back."""
+Follower = Callable[[GraphChange], object]
+"""Called with each change, in the step of the change; it must neither wait nor raise an exception."""
 
 
-class Knowledge:
+class Knowledge(SharedGraph):
     """The knowledge graph. Threads may share it.
 
     Attributes:
@@ -77,24 +63,18 @@ class Knowledge:
             ValueError: if the declarations contradict each other.
             LookupError: if the declarations use names that are not declared.
         """
-        self._schema = GraphSchema(model, () if context_link is None else context_link.variables)
-        self.model = self._schema.model
-        self._clock = clock
-        self._now_s = clock.now_s
-        self._context_link = context_link
+        schema = GraphSchema(model, () if context_link is None else context_link.variables)
         # Every write holds this lock. With a context manager, this is the lock of the steps, also for the context.
+        write_lock = new_lock() if context_link is None else context_link.clock
         self._step_clock: Clock = clock if context_link is None else context_link.clock
+        super().__init__(schema, State.empty(self._step_clock.now_s()), clock=clock, write_lock=write_lock)
+        self._context_link = context_link
         self._step_now_s = self._step_clock.now_s
-        self._write_lock: AbstractContextManager[object] = new_lock() if context_link is None else context_link.clock
-        self._state = State.empty(self._step_now_s())
-        self._past_states: deque[State] = deque(maxlen=MAX_PAST_INSTANTS - 1)
         self._readings_in_commit: Sequence[Reading[Value]] = ()
         self._audit = Audit()
-        self._watches = Watches()
+        self._followers: tuple[Follower, ...] = ()
         self.on_change: Callable[[Collection[ChangeSubject]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
-        self._handles_lock = new_lock()
-        self._held_handles: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
         self._write(GRAPH_WRITER, lambda change_set: change_set.insert_initial_graph(self.model))
 
     # Writing
@@ -124,74 +104,23 @@ class Knowledge:
         """Return the refused writes that the audit still holds, the oldest first."""
         return self._audit.refusals()
 
-    # Reading
+    # For the context manager, for copies and for replays
 
-    def snapshot(self) -> Snapshot:
-        """Return an immutable snapshot of the present graph."""
-        return Snapshot(self._schema, self._state, self._now_s())
+    def follow_changes(self, follower: Follower) -> tuple[State, Subscription]:
+        """Return the present state, and call a function with each change from now on until the subscription ends."""
 
-    def at(self, instant_s: float) -> Snapshot:
-        """Return the graph as it was at an instant, with the values known at that instant.
+        def end() -> None:
+            with self._write_lock:
+                self._followers = tuple(other for other in self._followers if other is not follower)
 
-        Raises:
-            ValueError: if the instant lies in the future, or before the oldest version that is kept.
-        """
-        if not instant_s <= self._now_s():
-            raise ValueError(f"the instant {instant_s} lies in the future: the present instant is {self._now_s()}")
         with self._write_lock:
-            states = chain((self._state,), reversed(self._past_states))
-            state = next((candidate for candidate in states if candidate.since_s <= instant_s), None)
-            begin_s = self._past_states[0].since_s if self._past_states else self._state.since_s
-        if state is None:
-            raise ValueError(f"the graph is kept only from {begin_s} s on: for {instant_s}, read it from a journal")
-        return Snapshot(self._schema, state, instant_s)
+            self._followers = (*self._followers, follower)
+            return self._state, Subscription(end)
 
-    def get(self, name: str, attribute: str) -> Reading[Any]:
-        """Return the present reading of an attribute of a node; this raises the errors of `Snapshot.get`."""
-        return Snapshot(self._schema, self._state, self._now_s()).get(name, attribute)
-
-    def transform(self, target: str, source: str, instant_s: float | None = None) -> Transform:
-        """Return the pose of `source` relative to `target`, now or at an instant; see `Snapshot.transform`."""
-        return self._state.frames.transform(target, source, self._now_s() if instant_s is None else instant_s)
-
-    # Waiting and subscriptions
-
-    def subscribe(self, callback: Callable[[Change], object], *patterns: Pattern) -> Subscription:
-        """Call back whenever the matches of the patterns change, and once at the beginning if the patterns hold.
-
-        The callback runs without any lock, one call at a time. In real time it runs in a thread of its own. In
-        simulated time it runs as an event at the instant of the change and must not wait. Its exceptions are logged.
-        A call gets the graph as it is at the time of the call, and not each change before the call, so calls cannot
-        pile up. An agent that needs every single change should hand over a task instead.
-
-        Raises:
-            UnknownNameError: if a pattern uses a type that is not declared.
-        """
-        self.snapshot().match(*patterns)
-        return self._watch(
-            subjects_of_patterns(self._schema, patterns), *watch_functions_for_matches(self._schema, patterns, callback)
-        )
-
-    def follow(self, name: str, attribute: str, callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call back with the reading of an attribute of a node, now and whenever the reading changes; see `subscribe`.
-
-        Raises:
-            AbsentError: if the node does not exist.
-            UnknownNameError: if nodes of its type have no such attribute.
-        """
-        self.get(name, attribute)
-        return self._watch([(name, attribute)], *watch_functions_for_attribute(name, attribute, callback))
-
-    def wait_for(self, *patterns: Pattern, timeout_s: float) -> bool:
-        """Wait until the patterns hold, but at most `timeout_s`; return whether they hold.
-
-        Raises:
-            UnknownNameError: if a pattern uses a type that is not declared.
-        """
-        self.snapshot().match(*patterns)
-        return self._clock.wait_until(lambda: self.snapshot().holds(*patterns), timeout_s)
-
-    # For the context manager and for replays
+    def abandon_tasks(self, agent: str) -> None:
+        """Abort the tasks that an agent executes now, because its program is lost."""
+        tasks = [task.name for task in self.model.tasks if task.by == agent]
+        self.write_as(agent, [Operation(Verb.ABANDON, (task,)) for task in tasks])
 
     def mirror(self, reading: Reading[Value]) -> None:
         """Add a reading of a context-variable to the graph, regardless of its writer; the caller must be in a step."""
@@ -200,14 +129,14 @@ class Knowledge:
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
         node = self._schema.nodes_by_variable[reading.name]
         change_set.add_reading(node, change_set.history(node, reading.name), reading)
-        self._publish(change_set)
+        self._publish(change_set, variable=reading.name, reading=reading)
         self._watches.request_evaluations(change_set.changed_subjects)
 
     def mirror_override(self, variable: str, override: Override | None) -> None:
         """Let an override hide the readings of a context-variable; None ends it. The caller must be in a step."""
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), OPERATOR)
         change_set.set_override(self._schema.nodes_by_variable[variable], variable, override)
-        self._publish(change_set)
+        self._publish(change_set, variable=variable, reading=override)
         self._watches.request_evaluations(change_set.changed_subjects)
 
     def step_snapshot(self) -> Snapshot:
@@ -233,66 +162,12 @@ class Knowledge:
 
     # Implementation
 
-    def _create_handle(self, name: str) -> AgentHandle:
-        is_closed = False
-        wake_subscriptions: list[Subscription] = []
-
-        def check_open() -> None:
-            if is_closed:
-                raise_closed_error(name)
-
-        def subscribe_to_wakes(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
-            check_open()
-            wake_subscriptions.append(self._on_wake(handle, callback))
-            return wake_subscriptions[-1]
-
-        def close() -> None:
-            nonlocal is_closed
-            with self._handles_lock:
-                if not is_closed:
-                    is_closed = True
-                    self._handles.pop(name, None)
-            for subscription in wake_subscriptions:
-                subscription.unsubscribe()
-
-        port = AgentPort(
-            apply=partial(self._apply_verb, name),
-            begin_transaction=lambda: self._transaction(name, check_open, lambda: None),
-            subscribe_to_wakes=subscribe_to_wakes,
-            prepare_rule=partial(self._prepare_rule, name, check_open),
-            close=close,
-            check_open=check_open,
-        )
-        return AgentHandle(name, port)
-
-    def _on_wake(self, handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
-        wakes = tuple(pattern for agent in self.model.agents if agent.name == handle.name for pattern in agent.wakes)
-        return self._watch(
-            subjects_of_patterns(self._schema, wakes),
-            *watch_functions_for_wakes(self._schema, wakes, callback),
-            kept_handle=handle,
-        )
-
-    def _prepare_rule(self, agent: str, check_open: Callable[[], None], name: str) -> RuleExecution[Transaction]:
-        rules = {rule.name: rule for model in self.model.agents if model.name == agent for rule in model.rules}
-        if name not in rules:
-            raise unknown_name_error(f"rule of {agent!r}", name, rules)
-        return RuleExecution(
-            rules[name],
-            check_rule=partial(self._check_rule, agent, name),
-            begin_transaction=partial(self._transaction, agent, check_open),
-            take_snapshot=self.snapshot,
-            record_state=partial(self.record_rule_state, agent, name),
-            subscribe=self.subscribe,
-        )
-
-    def _check_rule(self, agent: str, name: str, explain_missing: Callable[[Snapshot], str]) -> None:
-        """Raise `RuleError` if a rule does not allow its action in the present graph."""
+    def _check_rule(self, agent: str, rule: str) -> None:
         with self._write_lock:
-            missing_text = explain_missing(self.step_snapshot())
+            missing_text = explain_missing(self.step_snapshot(), self._rule_of(agent, rule).before)
             if missing_text:
-                message = f"the rule {name!r} of {agent!r} cannot begin: {missing_text}"
-                self._record_refusal(agent, RefusedWrite(f"{agent}.{name}", message))
+                message = f"the rule {rule!r} of {agent!r} cannot begin: {missing_text}"
+                self._record_refusal(agent, RefusedWrite(f"{agent}.{rule}", message))
                 raise RuleError(message)
 
     def record_rule_state(self, agent: str, name: str, state: str, message: str) -> None:
@@ -302,9 +177,7 @@ class Knowledge:
                 self._context_link.record_rule_state(agent, name, state, message)
 
     @contextmanager
-    def _transaction(
-        self, name: str, check_open: Callable[[], None], check_allowed: Callable[[], None]
-    ) -> Iterator[Transaction]:
+    def _transaction(self, name: str, check_open: Callable[[], None], rule: str = "") -> Iterator[Transaction]:
         check_open()
         base_state = self._state
         change_set = ChangeSet(self._schema, base_state, self._now_s(), name)
@@ -325,8 +198,9 @@ class Knowledge:
         transaction.check()
         if change_set.changed_subjects:
             check_open()
-            with self._write_lock:  # nothing can change between `check_allowed` and the write
-                check_allowed()
+            with self._write_lock:  # nothing can change between the check of the rule and the write
+                if rule:
+                    self._check_rule(name, rule)
                 self._write(
                     name, partial(self._adopt_transaction, base_state, change_set, transaction), transaction.operations
                 )
@@ -370,7 +244,7 @@ class Knowledge:
         """
         with self._write_lock:
             try:
-                if verb is SET and self._context_link is None and self._append_value(agent, arguments):
+                if verb is SET and not self._needs_operations and self._append_value(agent, arguments):
                     return None
                 records: list[ChangeRecord] | None = None if self._context_link is None else []
                 change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, records)
@@ -380,7 +254,7 @@ class Knowledge:
                 raise
             try:
                 if change_set.changed_subjects:
-                    self._commit(change_set, () if self._context_link is None else (Operation(verb, arguments),))
+                    self._commit(change_set, (Operation(verb, arguments),) if self._needs_operations else ())
             except OvertakenError:
                 return self._apply_verb(agent, verb, arguments)
         return result
@@ -388,7 +262,7 @@ class Knowledge:
     def _append_value(self, agent: str, arguments: tuple[Any, ...]) -> bool:
         """Append a value to the history of an attribute, without a change set.
 
-        This fast path applies to an attribute that was written before, in a graph without a context manager.
+        This fast path applies to an attribute that was written before, in a graph whose changes are not recorded.
 
         Returns:
             Whether the value was appended; if not, nothing has changed.
@@ -423,10 +297,11 @@ class Knowledge:
         """Make a change set the present state, and notify the journal, the context and the watches."""
         context_link = self._context_link
         if context_link is None:
-            self._publish(change_set)
+            self._publish(change_set, operations)
         else:
-            context_link.write_input(change_set.agent, operations)
-            self._publish(change_set)
+            if change_set.agent != GRAPH_WRITER:
+                context_link.write_input(change_set.agent, operations)
+            self._publish(change_set, operations)
             self._readings_in_commit = change_set.context_readings
             try:
                 context_link.commit(change_set, self._state.version)
@@ -439,8 +314,14 @@ class Knowledge:
         self._watches.request_evaluations(change_set.changed_subjects)
         self._clock.notify()
 
-    def _publish(self, change_set: ChangeSet) -> None:
-        """Make the state of a change set the present one."""
+    def _publish(
+        self,
+        change_set: ChangeSet,
+        operations: Sequence[Operation] = (),
+        variable: str = "",
+        reading: Reading[Value] | None = None,
+    ) -> None:
+        """Make the state of a change set the present one, and call the followers with the change."""
         before = self._state
         if not change_set.starts_from(before):
             raise OvertakenError
@@ -449,14 +330,17 @@ class Knowledge:
         except BaseException:  # an interrupt
             change_set.undo()
             raise
+        for follower in self._followers:
+            change = (self._state.version, change_set.now_s, change_set.agent, tuple(operations), variable, reading)
+            follower(GraphChange(*change))
 
-    def _replace_state(self, before: State, after: State) -> None:
-        """Replace the present state. The old state is kept for `at` if it is the last one of its instant."""
-        if before.since_s != after.since_s:
-            self._past_states.append(before)
-        if self._state is not before:
-            raise OvertakenError
-        self._state = after
+    @property
+    def _needs_operations(self) -> bool:
+        """Return whether a journal or a follower needs each change as operations."""
+        return self._context_link is not None or bool(self._followers)
+
+    def _release_handle(self, name: str) -> None:
+        self._handles.pop(name, None)
 
     def _make_refused_write(self, operation: Operation, message: str) -> RefusedWrite:
         if self._context_link is None:
@@ -470,24 +354,4 @@ class Knowledge:
             self._context_link.record_refusal(agent, refused_write)
 
     def _expire_task(self, task: str) -> None:
-        self._write(GRAPH_WRITER, lambda change_set: handshake.expire(change_set, task))
-
-    def _watch(
-        self,
-        subjects: Iterable[ChangeSubject],
-        evaluate: Callable[[Snapshot], View[ValueT]],
-        notify: Callable[[Snapshot, ValueT], None],
-        kept_handle: AgentHandle | None = None,
-    ) -> Subscription:
-        watched_subjects = list(subjects)
-
-        def end() -> None:
-            self._watches.remove(watch, watched_subjects)
-            self._held_handles.pop(id(watch), None)
-
-        watch: Watch[ValueT] = Watch(self._clock, self.snapshot, evaluate, notify, end)
-        if kept_handle is not None:
-            self._held_handles[id(watch)] = kept_handle
-        self._watches.add(watch, watched_subjects)
-        watch.request_evaluation()
-        return watch.subscription
+        self.write_as(GRAPH_WRITER, [Operation(Verb.EXPIRE, (task,))])

@@ -21,7 +21,7 @@ _POSE_NUMBER_COUNT = 7
 
 
 class Verb(StrEnum):
-    """The kinds of operations, named after the methods of `Writer`."""
+    """The kinds of operations, named after the methods of `Writer`; the last two are those of the graph itself."""
 
     INSERT_NODE = "insert_node"
     DELETE_NODE = "delete_node"
@@ -34,6 +34,8 @@ class Verb(StrEnum):
     ACKNOWLEDGE = "acknowledge"
     FINISH = "finish"
     ABORT = "abort"
+    ABANDON = "abandon"
+    EXPIRE = "expire"
 
 
 SET, INSERT_NODE, INSERT_EDGE = Verb.SET, Verb.INSERT_NODE, Verb.INSERT_EDGE
@@ -118,5 +120,7 @@ HANDLERS: Mapping[Verb, Callable[..., Any]] = {
     Verb.ACKNOWLEDGE: handshake.acknowledge,
     Verb.FINISH: handshake.finish,
     Verb.ABORT: handshake.abort,
+    Verb.ABANDON: handshake.abandon,
+    Verb.EXPIRE: handshake.expire,
 }
 """For each verb, the function that applies the operation with its arguments to a change set and returns the result."""

@@ -44,14 +44,15 @@ class RuleExecution(Generic[TransactionT_co]):
     Attributes:
         rule: the declaration of the rule.
         state: the latest state; None before the execution has begun.
+        check_before: raises `RuleError` if a `before` pattern does not hold now.
     """
 
     def __init__(
         self,
         rule: RuleModel,
         *,
-        check_rule: Callable[[Callable[[Snapshot], str]], None],
-        begin_transaction: Callable[[Callable[[], None]], AbstractContextManager[TransactionT_co]],
+        check_rule: Callable[[], None],
+        begin_transaction: Callable[[], AbstractContextManager[TransactionT_co]],
         take_snapshot: Callable[[], Snapshot],
         record_state: Callable[[str, str], None],
         subscribe: Callable[..., Subscription],
@@ -60,15 +61,15 @@ class RuleExecution(Generic[TransactionT_co]):
 
         Args:
             rule: the declaration of the rule.
-            check_rule: calls a given function; raises `RuleError` if it returns a pattern that does not hold.
-            begin_transaction: begins a transaction. A given check must succeed when the changes become visible.
+            check_rule: raises `RuleError` if a `before` pattern does not hold.
+            begin_transaction: begins a transaction whose changes become visible only if the `before` patterns hold.
             take_snapshot: returns a snapshot of the present graph.
             record_state: records the new state of the rule in the event log.
             subscribe: subscribes to patterns.
         """
         self.rule = rule
         self.state: RuleState | None = None
-        self._check_rule = check_rule
+        self.check_before = check_rule
         self._begin_transaction = begin_transaction
         self._take_snapshot = take_snapshot
         self._record_state = record_state
@@ -81,7 +82,7 @@ class RuleExecution(Generic[TransactionT_co]):
     def __enter__(self) -> Self:
         if self.state is not None:
             raise RuntimeError("this execution of the rule has already begun: call acting() again for another one")
-        self._check_before()
+        self.check_before()
         self._set_state(RuleState.BEGUN, "")
         if self.rule.during:
             self._subscription = self._subscribe(self._check_during, *self.rule.during)
@@ -104,15 +105,12 @@ class RuleExecution(Generic[TransactionT_co]):
             RuleError: at the end of the `with` statement, if a `before` pattern does not hold. Then no change becomes
                 visible.
         """
-        return self._begin_transaction(self._check_before)
+        return self._begin_transaction()
 
     @property
     def may_go_on(self) -> bool:
         """Return whether the rule is not broken. A rule is broken if `during` ceases to hold before `after` holds."""
         return self.state is not RuleState.BROKEN
-
-    def _check_before(self) -> None:
-        self._check_rule(lambda snapshot: explain_missing(snapshot, self.rule.before))
 
     def _check_during(self, change: Change) -> None:
         """Break the rule if the `during` patterns have held and no longer hold before the `after` patterns hold."""

@@ -39,7 +39,7 @@ class Handover(NamedTuple):
         since_s: when this stage began.
         deadline_s: when the task is aborted if it is still at this stage; infinite without a deadline.
         result: the result, if the task has finished.
-        reason: why the task was aborted: `requester`, `unacknowledged` or `overdue`.
+        reason: why the task was aborted: `requester`, `unacknowledged`, `overdue` or `executor_lost`.
     """
 
     task: str

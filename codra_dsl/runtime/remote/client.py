@@ -12,11 +12,14 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
+from types import ModuleType
 from typing import Any, Self, TypeVar
 
 from codra_dsl.isolation.error_text import type_name
 from codra_dsl.runtime.callbacks import log_raised
+from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.remote.agents.remote_knowledge import RemoteKnowledge, digest_of
 from codra_dsl.runtime.remote.endpoints import connect
 from codra_dsl.runtime.remote.json_lines import Address
 from codra_dsl.runtime.remote.links import INHERITED_TEXT
@@ -97,6 +100,8 @@ class RemoteContext:
         self._futures: dict[int, Future[PlainData]] = {}
         self._callbacks: dict[int, Callback] = {}
         self._reading_notices: queue.Queue[PlainData | None] = queue.Queue()
+        self._graph: RemoteKnowledge | None = None
+        self._graph_lock = new_lock()
         self._end_event = threading.Event()
         self._end_reason = "the connection is closed"
         self._link.open(self._handle_message, self._end)
@@ -255,6 +260,44 @@ class RemoteContext:
         number = self._await_answer(request_number, future, self._link.response_timeout_s)["subscription"]
         return lambda: self._unsubscribe(number)
 
+    def knowledge(self, package: ModuleType, *, clock: Clock | None = None) -> Any:
+        """Return the knowledge graph of the manager, with the methods of `Knowledge` for reading and for agents.
+
+        The result is a copy that each change of the graph reaches, so reading needs no message. Every later call
+        returns the same object. It raises ConnectionError when the connection has ended, or when the manager has not
+        answered for the duration of the lease. Annotate it with the class of the package to let mypy check your
+        program: `knowledge: ShopKnowledge = manager.knowledge(shop)`.
+
+        Args:
+            package: the generated package of the spec, which must be that of the manager.
+            clock: runs the callbacks, in real time; by default a new `WallClock`.
+
+        Raises:
+            LookupError: if the spec declares no knowledge graph.
+            ValueError: if the manager has another version of the spec.
+        """
+        with self._graph_lock:
+            if self._graph is None:
+                self._graph = RemoteKnowledge(
+                    package,
+                    self._ask,
+                    lease_s=self.hello["lease_s"],
+                    end_reason=self._reason_of_end,
+                    own_clock=clock,
+                )
+                self._compare_clocks()
+                try:
+                    self._graph.join(self._ask("graph", digest=digest_of(package))["graph"])
+                except BaseException:
+                    self._graph = None
+                    raise
+            return self._graph
+
+    def wait_until_lost(self, timeout_s: float = math.inf) -> str:
+        """Wait until the connection ends, or the timeout is over; return why it has ended, or an empty text."""
+        self._end_event.wait(min(timeout_s, threading.TIMEOUT_MAX))
+        return self._reason_of_end()
+
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> tuple[Answer | None, PlainData]:
         """Return the value from the program's own look, and the fields of the request that reports it."""
         try:
@@ -299,7 +342,10 @@ class RemoteContext:
     def _handle_message(self, message: Any) -> None:
         if message.get("notice") in ("lease_over", "closed"):
             raise OSError(message["message"])
-        if message.get("notice") == "reading":
+        if message.get("notice") == "change":
+            if self._graph is not None:
+                self._graph.receive(message)
+        elif message.get("notice") == "reading":
             self._reading_notices.put(message)
         elif (future := self._futures.pop(message["id"], None)) is None:
             return
@@ -318,14 +364,26 @@ class RemoteContext:
         self._reading_notices.put(None)
         for future in open_futures.values():
             future.set_exception(ConnectionError(reason))
+        if self._graph is not None:
+            self._graph.end()
         self._link.close()
 
     def _keep_alive(self, period_s: float) -> None:
         while not self._end_event.wait(min(period_s, threading.TIMEOUT_MAX)):
             try:
-                self._ask("keep")
+                self._compare_clocks()
             except ConnectionError as error:
                 self._end(str(error))
+
+    def _compare_clocks(self) -> None:
+        """Renew the lease, and compare the clocks if the program has the manager's graph."""
+        if self._graph is None:
+            self._ask("keep")
+        else:
+            self._graph.compare_clocks()
+
+    def _reason_of_end(self) -> str:
+        return self._end_reason if self._end_event.is_set() else ""
 
     def _register_callback(self, future: Future[PlainData], callback: Callback) -> None:
         if future.exception() is None:

@@ -64,6 +64,7 @@ class Connection:
         self._input = bytearray()
         self._line_end = -1
         self._unsent = bytearray()
+        self._longest_line_bytes = 0  # changes follow a large graph before a program has read it
         self._session: Session | None = None
         self._is_closed = False
         self._has_peer_ended = False
@@ -100,7 +101,8 @@ class Connection:
         with self._lock:
             if self._is_closed:
                 return
-            self._is_full = len(self._unsent) > MAX_UNSENT_BYTES
+            self._is_full = len(self._unsent) > MAX_UNSENT_BYTES + self._longest_line_bytes
+            self._longest_line_bytes = max(self._longest_line_bytes, len(line))
             if not self._is_full:
                 self._unsent += line
         if not self._is_full and self._session is not None and self._session.is_over:

@@ -22,6 +22,8 @@ from codra_dsl.isolation.error_text import type_name
 from codra_dsl.logic import Value
 from codra_dsl.runtime.context.commands import NotDeclaredError
 from codra_dsl.runtime.errors import AgentTakenError, NotASourceError, UnknownNameError, suggestion_text
+from codra_dsl.runtime.geometry import FrameError
+from codra_dsl.runtime.knowledge import AbsentError, ConflictError, OutrankedError, PresentError, RuleError
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType, unbox
 from codra_dsl.runtime.values.previews import PreviewAnswer, UnknownVariable
@@ -66,6 +68,8 @@ class FieldType(StrEnum):
     VALUE = "a text, a number, or true or false"
     VALUES = f"a list of at most {MAX_NAMES} objects with `name` and `value`"
     INSTANTS = "a list of two numbers"
+    ATTRIBUTES = f"a list of at most {MAX_NAMES} objects with `name` and, unless it is unknown, `value`"
+    POSE = "a list of seven numbers"
 
     def holds(self, value: object) -> bool:
         """Return whether a value has this type."""
@@ -91,7 +95,11 @@ class FieldType(StrEnum):
             case FieldType.VALUES:
                 return isinstance(value, list) and len(value) <= MAX_NAMES and all(map(_is_named_value, value))
             case FieldType.INSTANTS:
-                return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
+                return _is_numbers(value, 2)
+            case FieldType.ATTRIBUTES:
+                return isinstance(value, list) and len(value) <= MAX_NAMES and all(map(_is_attribute, value))
+            case FieldType.POSE:
+                return _is_numbers(value, 7)
 
 
 def _is_number(value: object) -> bool:
@@ -101,6 +109,10 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
 
 
+def _is_numbers(value: object, count: int) -> bool:
+    return isinstance(value, list) and len(value) == count and all(map(_is_number, value))
+
+
 def _is_name(value: object) -> bool:
     return isinstance(value, str) and len(value) <= MAX_NAME_CHARACTERS
 
@@ -108,6 +120,11 @@ def _is_name(value: object) -> bool:
 def _is_named_value(value: object) -> bool:
     is_mapping = isinstance(value, Mapping) and set(value) == {"name", "value"}
     return is_mapping and _is_name(value["name"]) and FieldType.VALUE.holds(value["value"])  # type: ignore[index]
+
+
+def _is_attribute(value: object) -> bool:
+    is_unknown = isinstance(value, Mapping) and set(value) == {"name"} and _is_name(value["name"])
+    return is_unknown or _is_named_value(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +143,46 @@ _DECISION_LIMITS = {
 
 _JOB = {"algorithm": FieldType.TEXT, "index": FieldType.INTEGER}
 """The fields that identify a job."""
+
+_EDGE = {"origin": FieldType.TEXT, "type": FieldType.TEXT, "target": FieldType.TEXT}
+_WRITE = {"value": FieldType.VALUE, "evidence_s": FieldType.NUMBER}
+_VALUES = {"values": FieldType.ATTRIBUTES}
+_REQUEST = {"task": FieldType.TEXT, "number": FieldType.INTEGER}
+"""The fields that identify a request of a task."""
+
+
+def _operation(required: Mapping[str, FieldType], optional: Mapping[str, FieldType] | None = None) -> RequestShape:
+    return RequestShape(required=required, optional={**(optional or {}), "change": FieldType.INTEGER})
+
+
+OPERATIONS: Mapping[str, RequestShape] = {
+    "insert_node": _operation({"name": FieldType.TEXT, "type": FieldType.TEXT}, _VALUES),
+    "delete_node": _operation({"name": FieldType.TEXT}),
+    "set_attribute": _operation({"name": FieldType.TEXT, "attribute": FieldType.TEXT}, _WRITE),
+    "insert_edge": _operation(_EDGE, _VALUES),
+    "delete_edge": _operation(_EDGE),
+    "set_edge_attribute": _operation({**_EDGE, "attribute": FieldType.TEXT}, _WRITE),
+    "place": _operation({**_EDGE, "pose": FieldType.POSE}, {"stamp_s": FieldType.NUMBER}),
+    "request_task": _operation({"task": FieldType.TEXT}, _VALUES),
+    "acknowledge_task": _operation(_REQUEST),
+    "finish_task": _operation({**_REQUEST, "result": FieldType.TEXT}),
+    "abort_task": _operation(_REQUEST),
+}
+"""The requests by which an agent writes the knowledge graph: at once, or with `change` as a part of a transaction."""
+
+AGENT_REQUESTS: Mapping[str, RequestShape] = {
+    "graph": RequestShape(optional={"digest": FieldType.TEXT}),
+    "enter": RequestShape(required={"agent": FieldType.TEXT}),
+    "exit": RequestShape(),
+    **OPERATIONS,
+    "begin_change": RequestShape(optional={"rule": FieldType.TEXT}),
+    "end_change": RequestShape(required={"change": FieldType.INTEGER}, optional={"discard": FieldType.TRUTH}),
+    "check_rule": RequestShape(required={"rule": FieldType.TEXT}),
+    "record_rule": RequestShape(
+        required={"rule": FieldType.TEXT, "state": FieldType.TEXT}, optional={"message": FieldType.TEXT}
+    ),
+}
+"""The requests of programs that share the knowledge graph; all but `graph` are those of agents."""
 
 REQUESTS: Mapping[str, RequestShape] = {
     "hello": RequestShape(optional={"lease_s": FieldType.LEASE, "token": FieldType.TEXT}),
@@ -173,8 +230,9 @@ REQUESTS: Mapping[str, RequestShape] = {
         }
     ),
     "ended": RequestShape(required=_JOB, optional={"values": FieldType.VALUES, "message": FieldType.TEXT}),
+    **AGENT_REQUESTS,
 }
-"""The kinds of requests; the last three are those of hosts."""
+"""The kinds of requests; `attach`, `evidence` and `ended` are those of hosts."""
 
 
 class MessageError(ValueError):
@@ -202,6 +260,12 @@ ERRORS: Mapping[str, type[Exception]] = {
     "not_declared": NotDeclaredError,
     "not_a_source": NotASourceError,
     "agent_taken": AgentTakenError,
+    "outranked": OutrankedError,
+    "rule": RuleError,
+    "conflict": ConflictError,
+    "absent": AbsentError,
+    "present": PresentError,
+    "frame": FrameError,
     "not_of_type": NotOfTypeError,
     "not_allowed": ValueError,
     "closed": RuntimeError,

@@ -22,9 +22,11 @@ from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDec
 from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.perception import Failure, Interval
+from codra_dsl.runtime.remote.agents.agent_session import AgentSession
 from codra_dsl.runtime.remote.host_orders import HostOrders
 from codra_dsl.runtime.remote.permissions import Permissions
 from codra_dsl.runtime.remote.protocol import (
+    AGENT_REQUESTS,
     REPORTED_ERRORS,
     LeaseError,
     MessageError,
@@ -120,6 +122,7 @@ class Session:
         self._readings = Subscription(lambda: None)
         self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
+        self._agent_session = AgentSession(codra, send, self._agents, self._agent, self._check_digest)
         self._host = ""
         self._lease = Timer(math.inf, lambda: None)
         self._check_lease()
@@ -165,6 +168,7 @@ class Session:
                 *self._looking_decisions.values(),
             ):
                 decision.abandon(LeaseError.__name__)
+            self._agent_session.close()
             for agent in self._agents.values():
                 agent.close()
             if self._host:
@@ -179,6 +183,8 @@ class Session:
             return self._decide(request.id, **request.fields)
         if request.ask == "preview":
             return self._preview(request.id, **request.fields)
+        if request.ask in AGENT_REQUESTS:
+            return self._agent_session.handle(request)
         handler: Callable[..., PlainData] = getattr(self, f"_{request.ask}")
         return handler(**request.fields)
 
@@ -304,18 +310,23 @@ class Session:
     # Hosts
 
     def _attach(self, host: str, digest: str = "") -> PlainData:
-        own_digest = manifest_of(package_folder(self._codra)).get("model", "")
-        if digest != own_digest:
+        try:
+            self._check_digest(f"host {host!r}", digest)
+        except ValueError:
             self._codra.hosts.refuse(host, "it has another version of the spec than the manager")
-            raise ValueError(
-                f"host {host!r} has another version of the spec than the manager: "
-                "compile both from the same files, with the same --site"
-            )
+            raise
         if self._host:
             raise ValueError(f"this session is host {self._host!r} already")
         self._codra.hosts.connect(host, HostOrders(self._send))
         self._host = host
         return {}
+
+    def _check_digest(self, program: str, digest: str) -> None:
+        if digest != manifest_of(package_folder(self._codra)).get("model", ""):
+            raise ValueError(
+                f"{program} has another version of the spec than the manager: "
+                "compile both from the same files, with the same --site"
+            )
 
     def _evidence(
         self, *, algorithm: str, index: int, start_s: float, stamp_s: float, earliest_s: float, host_s: list[float]

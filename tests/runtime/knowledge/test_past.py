@@ -20,7 +20,7 @@ from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge
 from codra_dsl.runtime.knowledge.agent_handle import Writer
 from codra_dsl.runtime.knowledge.declarations import AttributeModel, EdgeTypeModel, KnowledgeModel, NodeTypeModel, by
-from codra_dsl.runtime.knowledge.knowledge import MAX_PAST_INSTANTS
+from codra_dsl.runtime.knowledge.shared_graph import MAX_PAST_INSTANTS
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.values.model import integer
 from codra_dsl.runtime.values.persistent import PersistentMap

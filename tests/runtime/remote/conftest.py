@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from codra_dsl.runtime.remote import connection, session
+from codra_dsl.runtime.remote.agents import agent_session
 from codra_dsl.runtime.remote.protocol import MessageError, Request, answer_to, error_to, notice, request_of
 from tests.runtime.remote.published_schema import is_valid
 
@@ -46,6 +47,7 @@ def _messages_follow_the_published_schema() -> Iterator[None]:
         patch.setattr(session, "request_of", checked_request)
         for module in (session, connection):
             patch.setattr(module, "error_to", checked("error", error_to))
+        for module in (session, connection, agent_session):
             patch.setattr(module, "notice", checked("notice", notice))
         patch.setattr(session, "answer_to", checked("answer", answer_to))
         yield

@@ -29,7 +29,8 @@ KEYS = ["codra", "id", "ask", *FIELDS, "infinite", *(f"infinite_{name}" for name
 EXAMPLES = {"variable": "open", "skill": "drive", "skills": [], "variables": [], "number": 1, "decision": 1}
 EXAMPLES |= {"subscription": 1, "value": True, "for_s": 1.0, "reason": "test", "name": "open"}
 EXAMPLES |= {"host": "arm_pc", "algorithm": "look", "index": 1, "start_s": 1.0, "stamp_s": 2.0, "earliest_s": 1.5}
-EXAMPLES |= {"host_s": [1.0, 2.0]}
+EXAMPLES |= {"host_s": [1.0, 2.0], "agent": "fork", "type": "person", "attribute": "full", "origin": "a", "target": "b"}
+EXAMPLES |= {"pose": [0.0] * 7, "task": "lifting", "result": "lifted", "change": 1, "rule": "lift", "state": "begun"}
 LARGEST = 1.7976931348623157e308
 
 
@@ -151,7 +152,7 @@ def objects(part: object) -> Iterator[dict[str, Any]]:
 @pytest.mark.parametrize("name", [name for name in DEFINITIONS if not name.startswith("request")])
 def test_the_manager_sends_all_fields_that_the_schema_describes_and_no_others(name: str) -> None:
     for part in objects(DEFINITIONS[name]):
-        optional_fields = {"value", "infinite"} if name in ("reading", "named_values") else set()
+        optional_fields = {"value", "infinite"} if name in ("reading", "named_values", "attributes") else set()
         assert {*part.get("required", ())} == part.get("properties", {}).keys() - optional_fields
         assert part["additionalProperties"] is False
         assert part.get("properties", {}).get("codra", {"const": VERSION}) == {"const": VERSION}

@@ -19,10 +19,13 @@ from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.remote import VERSION, MessageError, Session, open_session
+from codra_dsl.runtime.remote.agents.agent_session import AgentSession
 from codra_dsl.runtime.remote.json_lines import line_of, message_of
 from codra_dsl.runtime.remote.protocol import (
+    AGENT_REQUESTS,
     ERRORS,
     MAX_ID_CHARACTERS,
+    OPERATIONS,
     REQUESTS,
     FieldType,
     plain_reading,
@@ -566,6 +569,8 @@ fitting = {
     FieldType.VALUE: some.booleans() | some.integers(-5, 5) | some.text(max_size=2),
     FieldType.VALUES: some.lists(some.fixed_dictionaries({"name": some.text(max_size=2), "value": some.booleans()})),
     FieldType.INSTANTS: some.lists(some.floats(-10, 10), min_size=2, max_size=2),
+    FieldType.ATTRIBUTES: some.lists(some.fixed_dictionaries({"name": some.text(max_size=2)})),
+    FieldType.POSE: some.lists(some.floats(-10, 10), min_size=7, max_size=7),
 }
 
 
@@ -600,7 +605,10 @@ def test_each_request_has_one_answer_and_leaving_withdraws_all_declarations(
 
 
 def test_every_request_has_a_handler() -> None:
-    assert [ask for ask in REQUESTS if not hasattr(Session, f"_{ask}")] == []
+    of_agents = {*AGENT_REQUESTS} - {*OPERATIONS}
+
+    assert [ask for ask in REQUESTS if ask not in AGENT_REQUESTS and not hasattr(Session, f"_{ask}")] == []
+    assert [ask for ask in of_agents if not hasattr(AgentSession, f"_{ask}")] == []
 
 
 def test_the_page_documents_every_request_with_its_fields_and_every_kind_of_error() -> None:
