@@ -55,7 +55,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills replicas namespaces cluster signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
+.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills replicas namespaces cluster signals whys crowd clients agents stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites test-prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -156,6 +156,10 @@ cluster: $(READY)
 STORES ?=
 stores: $(READY)
 	$(BIN)/python -m tests.campaigns.stores $(STORES)
+
+# P2's situations with agents as processes, each of which is killed once: does every mission end as the spec says?
+agents: $(READY)
+	$(BIN)/python -m tests.campaigns.agents $(SEED)
 
 # Each row of benchmarks/results.json, measured beside its peer in one run; leave the machine alone meanwhile.
 bench: $(READY) $(FUZZYLITE_READY)

@@ -40,6 +40,9 @@ SituationOption = Annotated[
     ),
 ]
 PageOption = Annotated[bool, typer.Option("--page", help="Serve the picker's page, on this machine only.")]
+ProcessesOption = Annotated[
+    bool, typer.Option("--processes", help="Run each agent of the robot's body as a process, in real time.")
+]
 PortOption = Annotated[
     int | None,
     typer.Option("--port", min=1, max=65535, help="The port of the page.  [default: a free port]"),
@@ -47,7 +50,12 @@ PortOption = Annotated[
 
 
 def store(
-    request: RunRequest, *, situation: SituationOption = None, page: PageOption = False, port: PortOption = None
+    request: RunRequest,
+    *,
+    situation: SituationOption = None,
+    page: PageOption = False,
+    port: PortOption = None,
+    processes: ProcessesOption = False,
 ) -> None:
     """A shop in which a pallet truck moves roll containers among people (P2).
 
@@ -59,7 +67,7 @@ def store(
         raise typer.BadParameter("this is the port of the page; add --page", param_hint="--port")
     try:
         with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
-            settings = _settings(request, situation, (port or 0) if page else None)
+            settings = _settings(request, situation, (port or 0) if page else None, has_processes=processes)
     except ModuleNotFoundError as error:
         say(missing_package_text("run --page", error, "codra-papers", "store"))
         raise typer.Exit(ExitCode.FAILED) from error
@@ -87,10 +95,12 @@ def _draw_curves(run: StoreRun, spec: Spec, folder: Path) -> Path:
     return path
 
 
-def _settings(request: RunRequest, name: SituationName | None, port: int | None) -> StoreRunSettings:
+def _settings(
+    request: RunRequest, name: SituationName | None, port: int | None, *, has_processes: bool
+) -> StoreRunSettings:
     """Return the settings of a run; `port` is None for no page and 0 for a free port."""
     from codra_papers.experiments.pacing import Pace
-    from codra_papers.experiments.store.run import PageSettings, StoreRunSettings
+    from codra_papers.experiments.store.run import PageSettings, ProcessSettings, StoreRunSettings
     from codra_papers.store.simulator.situations import Situation, StoreSettings
 
     if port is not None:
@@ -104,6 +114,7 @@ def _settings(request: RunRequest, name: SituationName | None, port: int | None)
         pace=Pace(request.pace.value),
         progress=request.progress,
         journal=None if request.journal is None else writable_journal(request.journal),
+        processes=ProcessSettings(report=say) if has_processes else None,
         page=None if port is None else PageSettings(port=port, on_opened=_report_address),
     )
 
@@ -116,10 +127,11 @@ def _run_spec(compiled: CompiledSpec, settings: StoreRunSettings, name: str) -> 
     from codra_dsl.runtime import NotASourceError
     from codra_dsl.runtime.behavior_trees import TreeError
     from codra_papers.experiments.store.run import run_store
+    from codra_papers.store.processes.supervisor import AgentStartError
 
     try:
         return run_store(compiled, settings)
-    except (LookupError, NotASourceError, TreeError) as error:
+    except (LookupError, NotASourceError, TreeError, AgentStartError) as error:
         say(f"codra: '{name}' does not run in the store: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
     except OSError as error:

@@ -13,7 +13,11 @@ class TimeIsUp(Exception):  # noqa: N818 - it is the planned end of a run
 
 
 class LimitedClock(Clock):
-    """A clock that ends every sleep and wait at a given instant; events and work continue as on the original clock."""
+    """A clock that ends every sleep and wait at a given instant; events and work continue as on the original clock.
+
+    Attributes:
+        end_s: the instant from which every sleep or wait raises `TimeIsUp`; infinity for never.
+    """
 
     def __init__(
         self,
@@ -32,7 +36,7 @@ class LimitedClock(Clock):
                 and after each event. An exception that it raises ends the sleep or wait.
         """
         self._clock = clock
-        self._end_s = end_s
+        self.end_s = end_s
         self._report_instant = report_instant
         self._between_events = between_events
 
@@ -85,4 +89,4 @@ class LimitedClock(Clock):
         return check_and_ask
 
     def _left_s(self) -> float:
-        return max(self._end_s - self.now_s(), 0.0)
+        return max(self.end_s - self.now_s(), 0.0)

@@ -104,14 +104,18 @@ def host_command(
 
 def _write_security(compiled: CompiledSpec, folder: Path, listen: str) -> None:
     """Write the credentials of a manager and of all users of its spec."""
+    from codra_dsl.runtime.knowledge.graph_schema import agents_of
     from codra_dsl.runtime.remote.security import SecurityError, write_credentials
+    from codra_dsl.runtime.values.declarations import MAIN
 
     model, names = compiled.package.MODEL, [platform.node(), "localhost", "127.0.0.1"]
     endpoint_host = listen.partition("/")[2].rpartition(":")[0].strip("[]")
     names += [endpoint_host] if endpoint_host not in ("", "0.0.0.0", "::", *names) else []
     hosts = {algorithm.host for algorithm in compiled.spec.perception if algorithm.host}
+    knowledge = getattr(compiled.package, "KNOWLEDGE", None)
+    agents = model.agents | (frozenset() if knowledge is None else agents_of(knowledge) - {MAIN})
     try:
-        paths = write_credentials(folder, model.name, hosts=hosts, agents=model.agents, names=names)
+        paths = write_credentials(folder, model.name, hosts=hosts, agents=agents, names=names)
     except SecurityError as error:
         raise typer.BadParameter(str(error), param_hint="--write-security") from error
     say("\n".join(path.as_posix() for path in paths))

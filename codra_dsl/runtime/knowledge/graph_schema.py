@@ -113,7 +113,7 @@ class GraphSchema:
             **task_types_and_attributes,
         }
         writers = (source for variable in variables if variable.derived is None for source in variable.sources)
-        self.agents = frozenset((*_agent_names(model), *writers)) - {OBSERVER}
+        self.agents = agents_of(model) | frozenset(writers) - {OBSERVER}
 
     def node_type(self, name: str) -> NodeType:
         """Return a type of nodes; raise `UnknownNameError` if it is not declared."""
@@ -264,6 +264,11 @@ def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
         for attribute in task.attributes
     }
     return {**declared_attributes, **_make_attributes(handshake_attribute_models)}
+
+
+def agents_of(model: KnowledgeModel) -> frozenset[str]:
+    """Return the agents that are declared, or that write or execute something in a graph."""
+    return frozenset(_agent_names(model)) - {OBSERVER}
 
 
 def _agent_names(model: KnowledgeModel) -> Iterable[str]:

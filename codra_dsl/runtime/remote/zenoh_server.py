@@ -9,6 +9,7 @@ from typing import Any, Self
 
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.remote.agents.agent_session import agents_of_manager
 from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, line_of, request_of_line
 from codra_dsl.runtime.remote.ordering import Numbering, Ordering
 from codra_dsl.runtime.remote.permissions import Permissions
@@ -116,7 +117,7 @@ class ZenohServer:
         if self.address.config is None:
             return None
         user, _number = link.split("/")
-        return Permissions(user=user, hosts=self._codra.hosts.names, agents=self._codra.model.agents)
+        return Permissions(user=user, hosts=self._codra.hosts.names, agents=agents_of_manager(self._codra))
 
     def _send(self, link: str, client: _Client, message: PlainData) -> None:
         line = line_of(message)

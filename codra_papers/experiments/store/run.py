@@ -13,13 +13,18 @@ from typing import Any
 
 from codra_dsl.runtime import ContextManager, EventLog, Journal, SimClock, WallClock
 from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge
 from codra_dsl.runtime.loops import Mape
 from codra_papers.experiments.interrupts import noted_interrupt
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_papers.experiments.pacing import Beat, Pace
+from codra_papers.store.agents import start_agents
+from codra_papers.store.body import Body
 from codra_papers.store.mission.agent import Mission
 from codra_papers.store.mission.orders import SequentialMission
 from codra_papers.store.mission.picking import Picking
+from codra_papers.store.processes.event_clock import EventClock
+from codra_papers.store.processes.supervisor import AgentProcesses
 from codra_papers.store.simulator.situations import StoreSettings
 from codra_papers.store.simulator.store import Store
 from codra_papers.store.simulator.truth import Score
@@ -42,6 +47,19 @@ class PageSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessSettings:
+    """The settings of a run in which each agent of the robot's body is a process of its own.
+
+    Attributes:
+        report: a function that is called with a text when a process has ended and is started again.
+        on_started: a function that is called with the processes when they have been started.
+    """
+
+    report: Callable[[str], None] = lambda _: None
+    on_started: Callable[[AgentProcesses], None] = lambda _: None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StoreRunSettings:
     """The settings of a run.
 
@@ -52,6 +70,7 @@ class StoreRunSettings:
         journal: the file of the journal; None for no journal.
         record: the event log of a run without a journal; None for one that keeps the latest events.
         page: the settings of the picker's page; None for no page.
+        processes: the settings of the processes of agents, which run in real time; None for agents in this process.
         on_opened: a function that is called with the shop before anything happens there, e.g. to observe the shop or to
             schedule more events.
         is_over: a function that returns whether a run with loops ends now, before its duration is over.
@@ -64,6 +83,7 @@ class StoreRunSettings:
     journal: Path | None = None
     record: EventLog | None = None
     page: PageSettings | None = None
+    processes: ProcessSettings | None = None
     on_opened: Callable[[Store], None] = lambda _: None
     is_over: Callable[[], bool] = lambda: False
 
@@ -90,15 +110,18 @@ class CompiledSpec:
     Attributes:
         loops: a function that starts the loops; None if the spec has no loops, so that orders are served in the fixed
             sequence.
+        folder: the folder of the generated package; None if the spec has no package.
     """
 
     start: Start
     loops: Loops | None = None
+    folder: Path | None = None
 
     @classmethod
     def of(cls, package: ModuleType) -> CompiledSpec:
         """Return the compiled form of the spec of a generated package."""
-        return cls(start=package.start, loops=getattr(package, "loops", None))
+        folder = None if package.__file__ is None else Path(package.__file__).parent
+        return cls(start=package.start, loops=getattr(package, "loops", None), folder=folder)
 
 
 def run_store(compiled: CompiledSpec, settings: StoreRunSettings) -> StoreRun:
@@ -115,19 +138,44 @@ def run_store(compiled: CompiledSpec, settings: StoreRunSettings) -> StoreRun:
     """
     with ExitStack() as stack:
         raise_interrupt = stack.enter_context(noted_interrupt())
-        clock = LimitedClock(SimClock(), settings.duration_s, settings.progress, raise_interrupt)
+        base_clock = SimClock() if settings.processes is None else stack.enter_context(EventClock(start_s=0.0))
+        clock = LimitedClock(base_clock, math.inf, settings.progress, raise_interrupt)
         record = _event_log(settings)
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
-        store = Store(clock, settings.shop, codra.knowledge)
+        start = _start_function(compiled, codra, settings.processes, stack)
+        store = Store(clock, settings.shop, codra.knowledge, start)
+        if isinstance(store.agents, AgentProcesses):
+            store.agents.wait_until_ready(raise_interrupt)
+        begin_s = clock.now_s()
+        clock.end_s = begin_s + settings.duration_s
         settings.on_opened(store)
         serve = _serve_function(compiled, codra, clock, stack, settings.is_over)
         act = _open_page(store, codra, settings.page, stack)
-        real_clock = stack.enter_context(WallClock(start_s=0.0)) if settings.pace is Pace.REAL else None
+        is_paced = settings.pace is Pace.REAL and settings.processes is None
+        real_clock = stack.enter_context(WallClock(start_s=0.0)) if is_paced else None
         Beat(clock, real_clock, lambda: _beat(act, settings.progress, clock))
         with suppress(TimeIsUp):
             serve()
         settings.progress(clock.now_s())
-        return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_order_counts(store), record=record)
+        return StoreRun(
+            duration_s=clock.now_s() - begin_s, score=store.judge.score, orders=_order_counts(store), record=record
+        )
+
+
+def _start_function(
+    compiled: CompiledSpec, codra: ContextManager[Any, Any], settings: ProcessSettings | None, stack: ExitStack
+) -> Callable[[Knowledge, Body, Clock], object]:
+    """Return a function that starts the agents of the robot's body, in this process or in processes of their own."""
+    folder = compiled.folder
+    if settings is None or folder is None:
+        return start_agents
+
+    def start_processes(_: Knowledge, body: Body, clock: Clock) -> AgentProcesses:
+        processes = stack.enter_context(AgentProcesses(codra, body, clock, folder, settings.report))
+        settings.on_started(processes)
+        return processes
+
+    return start_processes
 
 
 def _event_log(settings: StoreRunSettings) -> EventLog:
@@ -167,6 +215,7 @@ def _open_page(
 def _beat(act: Callable[[], None], progress: Callable[[float], None], clock: LimitedClock) -> None:
     act()
     progress(clock.now_s())
+    clock.notify()  # in real time, the main thread notices an interrupt
 
 
 def _order_counts(store: Store) -> Mapping[str, int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge
 from codra_papers.store.agents.container_detection import ContainerDetection
@@ -25,19 +27,20 @@ Agent = (
     | Fork
 )
 
-AGENTS: tuple[type[Agent], ...] = (
-    Localisation,
-    CameraAgent,
-    Lasers,
-    PersonDetection,
-    ContainerDetection,
-    WheelCheck,
-    Navigation,
-    Turning,
-    Fork,
-)
+AGENTS: Mapping[str, type[Agent]] = {
+    "localisation": Localisation,
+    "camera_agent": CameraAgent,
+    "lasers": Lasers,
+    "person_detection": PersonDetection,
+    "container_detection": ContainerDetection,
+    "wheel_check": WheelCheck,
+    "navigation": Navigation,
+    "turning": Turning,
+    "fork": Fork,
+}
+"""The agents of the robot's body, by their names in the spec."""
 
 
 def start_agents(knowledge: Knowledge, body: Body, clock: Clock) -> tuple[Agent, ...]:
     """Start all agents of the robot's body, each under its own name."""
-    return tuple(agent(knowledge, body, clock) for agent in AGENTS)
+    return tuple(agent(knowledge, body, clock) for agent in AGENTS.values())

@@ -8,7 +8,7 @@ from math import atan2, cos, hypot, sin
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot, Transaction
-from codra_papers.store.agents.working import Executor, PeriodicCalls
+from codra_papers.store.agents.working import Executor, PeriodicCalls, last_number
 from codra_papers.store.body import Body, ObjectKind
 from codra_papers.store.geometry import Pose2D
 from codra_papers.store.knowledge import floor_pose_of, pose_of
@@ -50,7 +50,7 @@ class ContainerDetection:
         self._handle = knowledge.as_agent("container_detection")
         self._body = body
         self._clock = clock
-        self._container_count = 0
+        self._container_count = last_number(knowledge.snapshot(), "roll_container")
         self._candidates: list[_Candidate] = []
         self._picture_count = 0
         self._periodic_calls: PeriodicCalls | None = None

@@ -14,7 +14,7 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import Knowledge, Transaction
 from codra_papers.store.agents.surroundings import containers_m, moving_points
-from codra_papers.store.agents.working import PeriodicCalls
+from codra_papers.store.agents.working import PeriodicCalls, last_number
 from codra_papers.store.body import (
     CAMERA_FARTHEST_M,
     CAMERA_POSE,
@@ -24,7 +24,7 @@ from codra_papers.store.body import (
     Sighting,
 )
 from codra_papers.store.geometry import Point, Pose2D
-from codra_papers.store.knowledge import FARTHEST_M
+from codra_papers.store.knowledge import FARTHEST_M, floor_pose_of
 
 PERIOD_S = 0.4
 NEAR_M = 1.5
@@ -54,13 +54,17 @@ class PersonDetection:
     """Keeps a node for each person in view."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Start to look periodically."""
+        """Start to look periodically, also for the people whom an earlier program of this agent has seen last."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("person_detection")
         self._body = body
         self._clock = clock
-        self._person_count = 0
-        self._last_sightings: dict[str, tuple[Point, float]] = {}
+        snapshot, now_s = knowledge.snapshot(), clock.now_s()
+        self._person_count = last_number(snapshot, "person")
+        self._last_sightings: dict[str, tuple[Point, float]] = {
+            node.name: (floor_pose_of(snapshot.transform("world", node.name).pose).point_m, now_s)
+            for node in snapshot.nodes("person")
+        }
         self._periodic_calls = PeriodicCalls(clock, PERIOD_S, self._look)
 
     def _look(self) -> None:

@@ -8,6 +8,11 @@ from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Snapshot, Stage, path
 
 
+def last_number(snapshot: Snapshot, type_name: str) -> int:
+    """Return the highest number in the names of a type's nodes, such as `person_3`; an earlier agent inserted them."""
+    return max((int(node.name.rpartition("_")[2]) for node in snapshot.nodes(type_name)), default=0)
+
+
 class PeriodicCalls:
     """Calls a callback periodically until `stop` is called."""
 

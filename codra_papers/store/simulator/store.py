@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 
 from codra_dsl.runtime import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Change, Knowledge, Stage, path
 from codra_papers.store.agents import start_agents
+from codra_papers.store.body import Body
 from codra_papers.store.knowledge import store_knowledge
 from codra_papers.store.simulator.situations import OrderKind, Pickers, Staff, StoreSettings, beginning
 from codra_papers.store.simulator.state import Load
@@ -62,15 +63,23 @@ class Store:
         knowledge: the knowledge of the robot.
         judge: the judge with the score so far.
         page: the page for orders of pickers.
+        agents: the agents of the robot's body.
     """
 
-    def __init__(self, clock: Clock, settings: StoreSettings, knowledge: Knowledge | None = None) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        settings: StoreSettings,
+        knowledge: Knowledge | None = None,
+        start: Callable[[Knowledge, Body, Clock], object] = start_agents,
+    ) -> None:
         """Open the shop.
 
         Args:
             clock: the clock of the run.
             settings: the situation of the run.
             knowledge: the graph of a context manager from a compiled spec; by default the shop creates one.
+            start: starts the agents of the robot's body.
         """
         self.world = StoreWorld(clock, beginning(settings))
         self.knowledge = Knowledge(store_knowledge(), clock=clock) if knowledge is None else knowledge
@@ -79,7 +88,7 @@ class Store:
         self._clock = clock
         self._handovers: list[tuple[float, str]] = []
         self._samples: list[str] = []
-        self._agents = start_agents(self.knowledge, self.world.body, clock)
+        self.agents = start(self.knowledge, self.world.body, clock)
         for callback in (self.judge.see, Staff(self.world).see, Pickers(settings, self.world, self.page).see):
             self.world.watch(callback)
         self.world.watch(lambda _: self._sample())

@@ -13,7 +13,7 @@ from hypothesis import strategies as some
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.remote import VERSION
 from codra_dsl.runtime.remote.agents import agent_session
-from codra_dsl.runtime.remote.agents.agent_session import MAX_CHANGES
+from codra_dsl.runtime.remote.agents.agent_session import MAX_CHANGES, agents_of_manager
 from codra_dsl.runtime.remote.json_lines import line_of, message_of
 from codra_dsl.runtime.remote.permissions import Permissions
 from codra_dsl.runtime.remote.protocol import AGENT_REQUESTS, FieldType
@@ -116,6 +116,20 @@ def test_on_a_network_a_user_speaks_only_for_the_agent_of_its_name() -> None:
     kinds = [message.get("error", {}).get("kind", "answer") for message in received]
     assert kinds == ["not_permitted", "answer", "answer", "answer", "not_permitted"]
     assert received[0]["error"]["message"] == "user 'fork' may not request `enter` as agent 'picking'"
+
+
+def test_agents_that_write_no_variable_are_users_as_well() -> None:
+    with store() as (codra, _clock):
+        assert agents_of_manager(codra) == {
+            "navigation",
+            "fork",
+            "picking",
+            "picker_page",
+            "decision_maker",
+            "person_detection",
+            "container_detection",
+        }
+        assert "picking" not in codra.model.agents
 
 
 def test_a_transaction_is_visible_at_its_end_and_not_at_all_if_one_operation_is_refused() -> None:

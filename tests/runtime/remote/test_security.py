@@ -248,7 +248,7 @@ def test_a_message_that_is_no_request_does_not_end_the_messages_of_its_link(atta
 
 def test_every_request_is_permitted_to_somebody() -> None:
     users = ["main_execution", "operator", ARM, "gripper", "viewer"]
-    example = {"host": ARM, "agent": "gripper"}
+    example = {"host": ARM, "agent": "gripper", "pose": [0.0] * 7}
     for ask, shape in REQUESTS.items():
         fields = {name: example.get(name, _fitting(str(kind))) for name, kind in shape.required.items()}
         request = request_of({"codra": VERSION, "ask": ask, **fields})

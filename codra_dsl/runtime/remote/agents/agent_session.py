@@ -16,6 +16,7 @@ from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, RuleState, Transaction
 from codra_dsl.runtime.knowledge import Request as TaskRequest
 from codra_dsl.runtime.knowledge.agent_handle import Writer
+from codra_dsl.runtime.knowledge.graph_schema import agents_of
 from codra_dsl.runtime.knowledge.plain_graph import plain_change, plain_state
 from codra_dsl.runtime.remote.protocol import (
     OPERATIONS,
@@ -25,6 +26,7 @@ from codra_dsl.runtime.remote.protocol import (
     Request,
     notice,
 )
+from codra_dsl.runtime.values.declarations import MAIN
 
 MAX_CHANGES = 100
 """The maximum number of transactions of a session that are open at the same time."""
@@ -189,6 +191,14 @@ class AgentSession:
         for change in self._changes.values():
             change.discard()
         self._changes.clear()
+
+
+def agents_of_manager(codra: ContextManager[Any, Any]) -> frozenset[str]:
+    """Return the agents that may write variables or the knowledge graph; on a network, each of them is a user."""
+    try:
+        return codra.model.agents | (agents_of(codra.knowledge.model) - {MAIN})
+    except LookupError:
+        return codra.model.agents
 
 
 def _values(fields: PlainData) -> dict[str, object]:
