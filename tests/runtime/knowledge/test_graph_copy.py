@@ -46,7 +46,7 @@ def copy_of(knowledge: Knowledge, clock: SimClock) -> GraphCopy:
 def facts(snapshot: Snapshot) -> dict[str, object]:
     """Return everything that the graph says, apart from the objects that say it."""
     elements = [*snapshot.nodes(), *snapshot.edges()]
-    names = [node.name for node in snapshot.nodes()]
+    names = {*NODES, *(node.name for node in snapshot.nodes())}
     return {
         "version": snapshot.version,
         "elements": [element._replace(histories={}) for element in elements],
@@ -173,6 +173,39 @@ def test_a_subscription_to_a_copy_is_called_for_changes_of_the_graph_and_for_val
         clock.sleep(61.0)
 
     assert levels == [None, 50.0, None]
+
+
+def test_changes_that_arrive_before_the_state_are_applied_once() -> None:
+    clock = SimClock()
+    with manager(clock) as codra:
+        copy = ReadableCopy(GraphSchema(KNOWLEDGE, MODEL.variables), clock=clock, check_current=lambda: None)
+        codra.knowledge.follow_changes(lambda change: copy.receive(over_the_wire(plain_change(change))))
+        codra.set("light", value=True)
+        state, _ = codra.knowledge.follow_changes(lambda _: None)
+        codra.set("light", value=False)
+        copy.join(over_the_wire(plain_state(state)))
+        codra.set("light", value=True)
+
+        assert facts(copy.snapshot()) == facts(codra.knowledge.snapshot())
+
+
+def test_a_copy_forgets_the_poses_of_a_deleted_node_when_the_graph_does() -> None:
+    clock = SimClock()
+    with manager(clock) as codra:
+        detection = codra.agent("container_detection").graph
+        for name in ("box", "bin"):
+            detection.insert_node(name, "roll_container")
+            detection.place("world", "container_pose", name, Pose.of((1.0, 0.0, 0.0)))
+        clock.sleep(1.0)
+        detection.delete_node("box")
+        copy = copy_of(codra.knowledge, clock)
+        assert copy.transform("world", "box", 0.5) == codra.knowledge.transform("world", "box", 0.5)
+        clock.sleep(20.0)
+        detection.delete_node("bin")
+
+        for knowledge in (codra.knowledge, copy):
+            with pytest.raises(FrameError, match="there is no frame 'box'"):
+                knowledge.transform("world", "box", 0.5)
 
 
 def test_a_change_that_does_not_follow_the_state_of_a_copy_is_refused() -> None:
