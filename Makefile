@@ -157,7 +157,7 @@ STORES ?=
 stores: $(READY)
 	$(BIN)/python -m tests.campaigns.stores $(STORES)
 
-# P2's situations with agents as processes, each of which is killed once: does every mission end as the spec says?
+# P2's situations with agents as processes, each of which is killed once: does every mission end as the spec states?
 agents: $(READY)
 	$(BIN)/python -m tests.campaigns.agents $(SEED)
 

@@ -2,7 +2,7 @@
 
 python -m tests.campaigns.agents SEED [SITUATION...]
 
-Each mission must end as the spec says, although every agent was killed: the order is closed, the robot waits at the
+Each mission must end as the spec states, although every agent was killed: the order is closed, the robot waits at the
 start, every process was started again, and no task is left without its executor. A run lasts minutes of real time.
 """
 
@@ -21,7 +21,7 @@ from tests.papers.experiments.agent_processes import TASKS, KilledRun, Situation
 
 SITUATIONS = (Situation.SECOND_ORDER, Situation.PEOPLE_CLOSE, Situation.HIDDEN)
 CLOSED = {"done", "aborted", "failed"}
-MAX_DURATION_S = 900.0
+MAX_DURATION_S = 1500.0
 KILL_PERIOD_S = 12.0
 """The time between two kills, in which a process starts again and works."""
 
@@ -68,23 +68,23 @@ class Kills:
 
 
 def faults(run: KilledRun) -> list[str]:
-    """Return what is wrong with a run; empty if it ended as the spec says."""
-    found: list[str] = []
+    """Return what is wrong with a run; empty if it ended as the spec states."""
+    problems: list[str] = []
     if run.run.duration_s >= MAX_DURATION_S:
-        found.append("the mission did not end")
+        problems.append("the mission did not end")
     if set(run.killed_agents) != set(AGENTS):
-        found.append(f"not killed: {sorted(set(AGENTS) - set(run.killed_agents))}")
+        problems.append(f"not killed: {sorted(set(AGENTS) - set(run.killed_agents))}")
     if run.restart_count < len(AGENTS):
-        found.append(f"only {run.restart_count} processes were started again")
+        problems.append(f"only {run.restart_count} processes were started again")
     if not set(run.run.orders) <= CLOSED:
-        found.append(f"orders: {dict(run.run.orders)}")
+        problems.append(f"orders: {dict(run.run.orders)}")
     if run.run.score.bumps:
-        found.append(f"{run.run.score.bumps} bumps")
-    return found
+        problems.append(f"{run.run.score.bumps} bumps")
+    return problems
 
 
 def main(seed: int, situations: Sequence[Situation]) -> int:
-    """Run some situations; return 1 if one of them did not end as the spec says."""
+    """Run some situations; return 1 if one of them did not end as the spec states."""
     result = 0
     for situation in situations:
         with tempfile.TemporaryDirectory() as folder:

@@ -42,6 +42,9 @@ from codra_dsl.runtime.values.previews import PreviewAnswer
 Answer = TypeVar("Answer")
 Callback = Callable[[Reading[Any]], None]
 
+JOIN_WAIT_S = 25.0
+"""How much longer than for another answer a program waits for the graph, which can be large."""
+
 _NO_LIMITS = (("max_age_s", math.inf), ("since_s", -math.inf))
 
 _LOGGER = logging.getLogger(__name__)
@@ -287,7 +290,7 @@ class RemoteContext:
                 )
                 self._compare_clocks()
                 try:
-                    self._graph.join(self._ask("graph", digest=digest_of(package))["graph"])
+                    self._graph.join(self._ask("graph", JOIN_WAIT_S, digest=digest_of(package))["graph"])
                 except BaseException:
                     self._graph = None
                     raise

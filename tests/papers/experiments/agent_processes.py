@@ -32,7 +32,7 @@ TASKS = {
 
 
 class KilledRun:
-    """A run with agents as processes, and what its journal says about the kills.
+    """A run with agents as processes, and the events in its journal.
 
     Attributes:
         killed_agents: the agents that were killed, with the instants of the kills.
