@@ -19,9 +19,6 @@ from codra_papers.store.processes.remote_body import RemoteBody
 KEY_VARIABLE = "CODRA_STORE_BODY_KEY"
 """The environment variable with the key of the body's server, in hexadecimal digits."""
 
-LEASE_S = 3.0
-"""How long the manager waits for a message of an agent's process."""
-
 
 def main(name: str, package_folder: str, manager: str, body: str) -> None:
     """Run an agent until a connection ends, or an event of the agent fails.
@@ -35,7 +32,7 @@ def main(name: str, package_folder: str, manager: str, body: str) -> None:
     end = partial(_end, name)
     clock = EventClock(on_error=end)
     try:
-        context = RemoteContext(Path(manager), lease_s=LEASE_S)
+        context = RemoteContext(Path(manager))
         knowledge = context.knowledge(load_package(Path(package_folder)), clock=clock)
         key = bytes.fromhex(os.environ[KEY_VARIABLE])
         remote_body = RemoteBody(Path(body), key, clock, on_lost=lambda: end("the robot's body is gone"))
