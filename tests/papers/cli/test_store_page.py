@@ -135,6 +135,23 @@ def test_a_container_is_requested_by_a_click_and_the_robot_starts(browser: Brows
     assert re.search(r"navigating wants .*\"agent\":\"mission\"", events)
 
 
+def test_the_page_is_the_same_if_the_agents_are_processes(browser: Browser, tmp_path: Path) -> None:
+    run = Run(tmp_path, "--processes")
+    try:
+        page = open_page(browser, run)
+        number = click_to_order(page, "Request a container")
+        expect(page.locator("#orders")).to_contain_text(f"Order {number}: provideSupply")
+        navigating = page.locator("#tasks tr").filter(has_text="Navigating")
+        expect(navigating).to_contain_text("under way for mission")
+        page.close()
+        exit_code, output, errors = run.interrupt()
+    finally:
+        run.kill()
+
+    assert (exit_code, output) == (130, "")
+    assert "Traceback" not in errors
+
+
 def test_delivery_is_asked_for_and_the_order_is_taken_back_by_clicks(browser: Browser, run: Run) -> None:
     page = open_page(browser, run)
     number = click_to_order(page, "Ask for delivery")
