@@ -28,6 +28,7 @@ KEYS = {
 TABLES = {
     "context_variable": "## `context`: context-variables",
     "perception_algorithm": "## `perception`: perception algorithms",
+    "ros_topic": "### Topics of ROS 2",
 }
 
 
@@ -57,7 +58,7 @@ def validator(part: dict[str, Any]) -> jsonschema.Draft202012Validator:
 def sections() -> dict[str, str]:
     return {
         heading: text
-        for heading, _, text in (section.partition("\n") for section in re.split(r"^(?=## )", REFERENCE, flags=re.M))
+        for heading, _, text in (section.partition("\n") for section in re.split(r"^(?=##+ )", REFERENCE, flags=re.M))
     }
 
 

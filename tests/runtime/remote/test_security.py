@@ -143,7 +143,7 @@ def test_nobody_else_appears_as_a_manager_or_as_another_user(
         attacker.show(key)
     time.sleep(SOON_S)
     assert seen == [f"codra/{SPEC}/manager"]
-    assert witness.find("**", 1.0) == [f"codra/{SPEC}/manager"]
+    assert witness.find("**", 5.0) == [f"codra/{SPEC}/manager"]
     witness.close()
 
 
