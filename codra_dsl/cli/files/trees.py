@@ -120,6 +120,7 @@ def graph_command(
     if unknown_id is not None:
         raise typer.BadParameter(f"there is no tree '{unknown_id}'", param_hint="--tree")
     if not ids:
+        say("codra: there is no tree to draw")
         raise typer.Exit(ExitCode.FAILED)
     picture = picture_of(checked_files.forests, tree or ())
     try:

@@ -159,7 +159,7 @@ class _Checker:
         self._check_scripts(node, path)
         self._check_extras(node, path)
         if node.id in REFUSED_NODES and (False, node.id) not in self._models:
-            message = f"'{node.id}' cannot be compiled"
+            message = f"'{node.id}' is not supported"
             self._findings.add("unsupported-tree-node", message, node.place, help=REFUSED_NODES[node.id], path=path)
         elif node.subtree is not None:
             self._check_child_count(node, 0, 0, path)

@@ -310,6 +310,10 @@ FILES: dict[str, tuple[str, list[str]]] = {
         _file(_tree("A", '<SubTreePlus ID="Other" __autoremap="true"/>'), _OTHER, _WITH_ACT, attributes=_OLD),
         ["tree-format"],
     ),
+    "unmarked version 3 with the name of a tree as a tag": (
+        _file(_tree("A", '<Other target="goal"/>'), _OTHER, _WITH_ACT, attributes=""),
+        ["tree-format"],
+    ),
     "unmarked version 3": (
         _file(_tree("A", f'<RetryUntilSuccesful num_attempts="2">{_DONE}</RetryUntilSuccesful>'), attributes=""),
         ["tree-format"],

@@ -135,7 +135,7 @@ def test_a_mistake_is_reported_with_help(body: str, expected: str) -> None:
 def test_the_help_for_a_refused_node_names_a_replacement(node: str) -> None:
     (finding,) = findings(document(f"<Sequence><{node}/></Sequence>"))
 
-    assert finding.message == f"'{node}' cannot be compiled"
+    assert finding.message == f"'{node}' is not supported"
     assert finding.help == REFUSED_NODES[node]
     assert (finding.place.span.line, finding.place.span.column) == (
         1,

@@ -133,6 +133,8 @@ def converted(body: str) -> str:
             '<Control ID="SequenceWithMemory"><AlwaysSuccess/></Control>',
         ),
         ('<SubTree ID="Sub" name="n" a="b" c="{d}"/>', '<SubTree ID="Sub" name="n" a="{b}" c="{d}"/>'),
+        ('<Sub name="n" a="b"/>', '<SubTree ID="Sub" name="n" a="{b}"/>'),
+        ('<Act go="${a}" to="${not an entry}"/>', '<Act go="{a}" to="${not an entry}"/>'),
         ('<SubTree ID="Sub" __shared_blackboard="true"/>', '<SubTree ID="Sub" _autoremap="true"/>'),
         ('<SubTreePlus ID="Sub" a="b" c="{d}" __autoremap="1"/>', '<SubTree ID="Sub" a="b" c="{d}" _autoremap="1"/>'),
         (
