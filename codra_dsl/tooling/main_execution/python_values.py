@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.frozen import dataclass
@@ -18,6 +18,7 @@ class Call:
 
     Attributes:
         function: the name of the function; with its module, `module:function`, if the file imports it.
+        arguments: the texts of the arguments. The calls from which the arguments derive are not kept.
         is_context: whether the call asks a context manager for a variable by its name.
     """
 
@@ -101,9 +102,18 @@ def merged_calls(values: Iterable[Value]) -> tuple[Call, ...]:
     return tuple(dict.fromkeys(call for value in values for call in value.calls))[:_MAX_ITEMS]
 
 
-def alternatives(values: Sequence[Value]) -> Value:
-    """Return what is known about a value that is one of several."""
-    return values[0] if len(values) == 1 else Value(calls=merged_calls(values))
+def alternatives(values: Sequence[Value], text: str = UNKNOWN_TEXT) -> Value:
+    """Return what is known about a value that is one of several; `text` is how the file writes it."""
+    values = list(dict.fromkeys(values))
+    if len(values) == 1:
+        return values[0]
+    return Value(
+        text=text,
+        is_hole=any(value.is_hole for value in values),
+        calls=merged_calls(values),
+        module=next((value.module for value in values if value.module), ""),
+        is_library=any(value.is_library for value in values),
+    )
 
 
 def formatted(parts: Iterable[Value]) -> Value:
@@ -128,6 +138,18 @@ class Scope:
     def bind(self, name: str, value: Value) -> None:
         """Bind a name; it replaces an earlier value."""
         self._values[name] = value
+
+    def values(self) -> dict[str, Value]:
+        """Return what is known now about the names, without those of outer scopes."""
+        return dict(self._values)
+
+    def join(self, states: Iterable[Mapping[str, Value]]) -> None:
+        """Continue from one of several states, of which it is not known which one it is."""
+        values: dict[str, list[Value]] = {}
+        for state in states:
+            for name, value in state.items():
+                values.setdefault(name, []).append(value)
+        self._values = {name: alternatives(choices, name) for name, choices in values.items()}
 
     def get(self, name: str) -> Value | None:
         """Return what is known about a name, or None."""

@@ -6,7 +6,7 @@ import ast
 import builtins
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from codra_dsl.language.diagnostics import Place
@@ -134,39 +134,65 @@ class Walk:
             case ast.Assign(targets=targets, value=value):
                 for target in targets:
                     self._bind(target, self._value(value))
-            case ast.AnnAssign(target=target, value=ast.expr() as value) | ast.AugAssign(target=target, value=value):
+            case ast.AnnAssign(target=target, value=ast.expr() as value):
                 self._bind(target, self._value(value))
-            case ast.For(target=target, iter=iterable) | ast.AsyncFor(target=target, iter=iterable):
-                values = self._value(iterable)
-                for item in _items(values):
-                    self._bind(target, item)
-                    self.statements(statement.body)
-                self.statements(statement.orelse)
+            case ast.AugAssign(target=target):
+                self._bind(target, self._compound(statement))
+            case ast.For() | ast.AsyncFor() | ast.While():
+                self._loop(statement)
             case ast.With(items=items) | ast.AsyncWith(items=items):
                 self._with(items, statement.body)
-            case ast.If(test=test) | ast.While(test=test):
-                self._decide(test, Role.HOLD if isinstance(statement, ast.While) else Role.PRECONDITION)
-                self.statements([*statement.body, *statement.orelse])
+            case ast.If(test=test):
+                self._decide(test)
+                self._one_of(statement.body, statement.orelse)
             case ast.Assert(test=test):
                 self._decide(test)
             case ast.Match():
                 self._match(statement)
             case ast.Try() | ast.TryStar():
-                self.statements(statement.body)
-                for handler in statement.handlers:
-                    self.statements(handler.body)
-                self.statements([*statement.orelse, *statement.finalbody])
+                self._one_of(statement.body, ())  # an exception may end the body before it has bound anything
+                self._one_of(statement.orelse, *(handler.body for handler in statement.handlers))
+                self.statements(statement.finalbody)
             case ast.Return(value=ast.expr() as value):
                 self.results.append(self._value(value))
             case _:
                 self._compound(statement)
 
+    def _one_of(self, *bodies: Sequence[ast.stmt]) -> None:
+        """Walk through bodies of which one runs. Afterwards, a name has one of the values that they bind."""
+        start = self._scope.values()
+        ends = []
+        for body in bodies:
+            self._scope.join([start])
+            self.statements(body)
+            if not (body and isinstance(body[-1], ast.Return | ast.Raise)):
+                ends.append(self._scope.values())
+        self._scope.join(ends or [start])
+
+    def _loop(self, loop: ast.For | ast.AsyncFor | ast.While) -> None:
+        """Walk through a loop twice: what its body binds may decide at its beginning."""
+        branch_count = len(self.branches)
+        for _ in range(2):
+            del self.branches[branch_count:]  # the second walk knows more
+            if isinstance(loop, ast.While):
+                self._decide(loop.test, Role.HOLD)
+                self._one_of(loop.body, ())
+            else:
+                for item in _items(self._value(loop.iter)):
+                    self._bind(loop.target, item)
+                    self._one_of(loop.body, ())
+        self.statements(loop.orelse)
+
     def _import(self, statement: ast.Import | ast.ImportFrom) -> None:
         for name in statement.names:
-            module = statement.module or "" if isinstance(statement, ast.ImportFrom) else name.name
-            is_library = module.partition(".")[0] in _LIBRARIES
-            text = name.name if isinstance(statement, ast.ImportFrom) else ""
-            self._scope.bind(name.asname or name.name, Value(text=text, module=module, is_library=is_library))
+            if isinstance(statement, ast.ImportFrom):
+                module, text, bound_name = statement.module or "", name.name, name.asname or name.name
+            else:  # `import a.b` binds `a`
+                bound_name = name.asname or name.name.partition(".")[0]
+                module, text = name.name if name.asname else bound_name, ""
+            is_relative = isinstance(statement, ast.ImportFrom) and statement.level > 0
+            is_library = not is_relative and module.partition(".")[0] in _LIBRARIES
+            self._scope.bind(bound_name, Value(text=text, module=module, is_library=is_library))
 
     def _match(self, statement: ast.Match) -> None:
         constants = [
@@ -176,7 +202,7 @@ class Walk:
         for case in statement.cases:
             if case.guard is not None:
                 self._decide(case.guard)
-            self.statements(case.body)
+        self._one_of((), *(case.body for case in statement.cases))
 
     def _with(self, items: Iterable[ast.withitem], body: Iterable[ast.stmt]) -> None:
         """Walk through a `with` statement; `with codra.skill(NAME)` states the skill of the decisions inside."""
@@ -282,7 +308,10 @@ class Walk:
         is_context = name.rpartition(".")[2] in _CONTEXT_METHODS and "codra" in name.lower() and bool(arguments)
         call = Call(
             function=self._qualified(name),
-            arguments=arguments[:_MAX_ARGUMENTS],
+            arguments=tuple(
+                Value(text=value.text, is_text=value.is_text, is_hole=value.is_hole)
+                for value in (*arguments, *(value for value in keywords.values() if value.is_text or value.is_hole))
+            )[:_MAX_ARGUMENTS],
             place=self._module.place(node),
             is_context=is_context,
         )

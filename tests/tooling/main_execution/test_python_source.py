@@ -46,6 +46,14 @@ def names_in(folder: Path, text: str) -> list[str]:
         "def near():\n return robot.is_near()\nif near(): pass",
         "def go(near):\n if near: pass\ngo(robot.is_near())",
         "if True:\n def f():\n  if robot.is_near(): pass",
+        "near = robot.is_near()\nif slow:\n near = None\nif near: pass",
+        "if slow:\n near = robot.is_near()\nelse:\n near = None\nif near: pass",
+        "try:\n near = robot.is_near()\nexcept OSError:\n near = None\nif near: pass",
+        "match speed:\n case 1: near = robot.is_near()\n case _: near = None\nif near: pass",
+        "near = None\nwhile not near:\n near = robot.is_near()",
+        "near = None\nfor speed in speeds:\n if near: pass\n near = robot.is_near()",
+        "near = robot.is_near()\nwhile slow:\n near = None\nif near: pass",
+        "near = robot.is_near()\nnear += 1\nif near > 3: pass",
     ],
 )
 def test_a_branch_on_the_result_of_a_call_is_a_decision(text: str, tmp_path: Path) -> None:
@@ -65,6 +73,9 @@ def test_a_branch_on_the_result_of_a_call_is_a_decision(text: str, tmp_path: Pat
         "if Pose(1, 2) == goal: pass",
         "f = lambda: 1 if robot.is_near() else 2",
         "import rclpy\nwhile rclpy.ok(): pass",
+        "import os.path\nif os.path.exists(a): pass",
+        "try:\n import numpy\nexcept ImportError:\n numpy = None\nif numpy.isclose(a, b): pass",
+        "near = robot.is_near()\nnear = 3\nif near: pass",
         "if settings.get('verbose'): pass",
     ],
 )
@@ -115,6 +126,28 @@ check_all("c", prefix="gate")
 
 def test_a_function_without_known_caller_is_one_decision_named_after_its_parameter(tmp_path: Path) -> None:
     assert names_in(tmp_path, "def go(door):\n if sees(f'{door}_open'): pass") == ["sees_door_open"]
+
+
+def test_a_text_that_depends_on_a_branch_is_not_known(tmp_path: Path) -> None:
+    text = "if slow:\n door = 'in'\nelse:\n door = 'out'\nif sees(door): pass"
+
+    assert names_in(tmp_path, text) == ["sees_door"]
+
+
+def test_texts_that_are_passed_by_keyword_distinguish_variables(tmp_path: Path) -> None:
+    text = "if sees(what='cup', timeout=3) or sees(what='plate'): pass\ndef go(it):\n if sees(what=it): pass\ngo('jug')"
+
+    assert names_in(tmp_path, text) == ["sees_cup", "sees_plate", "sees_jug"]
+
+
+def test_a_module_of_the_project_may_have_the_name_of_a_library(tmp_path: Path) -> None:
+    assert names_in(tmp_path, "from .signal import is_red\nif is_red(): pass") == ["is_red"]
+
+
+def test_results_that_are_passed_on_many_times_are_examined_in_time_linear_in_their_number(tmp_path: Path) -> None:
+    refinements = "pose = refine(pose, pose)\n" * 2_000
+
+    assert names_in(tmp_path, f"pose = robot.see()\n{refinements}if pose: pass") == ["refine_refine_refine"]
 
 
 def test_a_recursion_ends(tmp_path: Path) -> None:
