@@ -7,6 +7,7 @@ import builtins
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from codra_dsl.language.diagnostics import Place
@@ -100,6 +101,13 @@ class Module(Protocol):
         self, name: str, owner: str, arguments: tuple[Value, ...], keywords: Mapping[str, Value], skill: Skill
     ) -> Value | None:
         """Return the result of a function of the file that does not perceive, or None for another function."""
+        ...
+
+    def bind_attribute(self, owner: str, name: str, value: Value) -> None:
+        """Bind an attribute of the objects of a class."""
+
+    def attribute(self, owner: str, name: str) -> Value:
+        """Return what is known about an attribute of the objects of a class."""
         ...
 
 
@@ -221,7 +229,10 @@ class Walk:
     def _bind(self, target: ast.expr, value: Value) -> None:
         match target:
             case ast.Name() | ast.Attribute():
-                self._scope.bind(_dotted_name(target), value)
+                name = _dotted_name(target)
+                self._scope.bind(name, value)
+                if name.startswith("self.") and value.calls:
+                    self._module.bind_attribute(self._owner, name, value)
             case ast.Tuple(elts=targets) | ast.List(elts=targets):
                 items = value.items if value.items is not None and len(value.items) == len(targets) else None
                 for number, inner_target in enumerate(targets):
@@ -285,9 +296,12 @@ class Walk:
     def _named_value(self, node: ast.Name | ast.Attribute) -> Value:
         name = _dotted_name(node)
         value = self._scope.get(name)
-        if value is None and isinstance(node, ast.Attribute):  # `seen.angle` derives from `seen`
+        if isinstance(node, ast.Name):
+            return value or Value(text=name)
+        bound = self._module.attribute(self._owner, name) if name.startswith("self.") else Value()
+        if value is None:  # `seen.angle` derives from `seen`
             value = Value(text=name or UNKNOWN_TEXT, calls=self._value(node.value).calls)
-        return value or Value(text=name)
+        return replace(value, calls=merged_calls([value, bound])) if bound.calls else value
 
     def _argument(self, argument: ast.expr) -> tuple[Value, ...]:
         if isinstance(argument, ast.Starred):

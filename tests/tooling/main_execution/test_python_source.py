@@ -54,6 +54,12 @@ def names_in(folder: Path, text: str) -> list[str]:
         "near = None\nfor speed in speeds:\n if near: pass\n near = robot.is_near()",
         "near = robot.is_near()\nwhile slow:\n near = None\nif near: pass",
         "near = robot.is_near()\nnear += 1\nif near > 3: pass",
+        "class A:\n def f(self):\n  if self.near.x > 1: pass\n def g(self):\n  self.near = robot.is_near()",
+        "class A:\n def f(self):\n  self.near = robot.is_near()\nclass B(A):\n def g(self):\n  if self.near: pass",
+        "class A:\n def f(self):\n  if robot.is_near(): pass\nclass B(A):\n def g(self):\n  if self.f(): pass",
+        "def f():\n ok = robot.is_near()\n if not ok: pass\n return ok\nf()",
+        "class A:\n @property\n def f(self):\n  if robot.is_near(): pass\n @f.setter\n def f(self, value): pass",
+        "def f():\n def h():\n  if robot.is_near(): pass\ndef g():\n def h(): pass",
     ],
 )
 def test_a_branch_on_the_result_of_a_call_is_a_decision(text: str, tmp_path: Path) -> None:
@@ -126,6 +132,32 @@ check_all("c", prefix="gate")
 
 def test_a_function_without_known_caller_is_one_decision_named_after_its_parameter(tmp_path: Path) -> None:
     assert names_in(tmp_path, "def go(door):\n if sees(f'{door}_open'): pass") == ["sees_door_open"]
+
+
+def test_a_static_method_gets_its_arguments_without_an_object(tmp_path: Path) -> None:
+    text = """\
+class Robot:
+    @staticmethod
+    def _pass(door):
+        if sees(door): pass
+    def enter(self):
+        self._pass("front")
+"""
+    assert names_in(tmp_path, text) == ["sees_front"]
+
+
+def test_a_method_of_a_base_class_calls_the_methods_of_the_class_that_uses_it(tmp_path: Path) -> None:
+    text = """\
+class Task:
+    def run(self):
+        if self._found(): pass
+class Fetch(Task):
+    def start(self):
+        self.run()
+    def _found(self):
+        return sees("cup")
+"""
+    assert names_in(tmp_path, text) == ["sees_cup"]
 
 
 def test_a_text_that_depends_on_a_branch_is_not_known(tmp_path: Path) -> None:
