@@ -104,7 +104,7 @@ def test_a_source_without_decisions_gives_no_spec(folder: Path) -> None:
 
     _, error = codra("import", "robot.py", "--as", "door", exit_code=1)
 
-    assert error == "'robot.py' has no decision: neither a branch on the result of a call, nor a condition of a tree\n"
+    assert "'robot.py' has no decision: no branch on the result of a call" in error
 
 
 def test_a_name_that_no_spec_may_have_is_refused() -> None:

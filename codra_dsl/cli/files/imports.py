@@ -18,7 +18,7 @@ SourceArgument = Annotated[
     Path,
     typer.Argument(
         metavar="SOURCE",
-        help="A Python file, a file of behavior trees, or a folder with such trees.",
+        help="A Python file, a file or folder of behavior trees, or the folder of a RAFCON state machine.",
         show_default=False,
     ),
 ]
@@ -60,7 +60,8 @@ def import_command(
         raise typer.BadParameter(str(error), param_hint="--as") from error
     main_execution = read_decisions(source, models or (), color)
     if not main_execution.decisions:
-        say(f"'{source}' has no decision: neither a branch on the result of a call, nor a condition of a tree")
+        kinds = "no branch on the result of a call, no condition of a tree, and no state that decides"
+        say(f"'{source}' has no decision: {kinds}")
         raise typer.Exit(ExitCode.FAILED)
     file = output or Path("specs", f"{name}.yaml")
     text = draft(main_execution, name, str(source))

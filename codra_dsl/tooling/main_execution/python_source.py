@@ -7,10 +7,9 @@ their callers pass, so that `self._decide(f"{machine}_open")` is one decision fo
 from __future__ import annotations
 
 import ast
-import codecs
-import re
 import warnings
 from collections.abc import Iterator, Mapping
+from importlib.util import decode_source
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import Place, Span
@@ -21,6 +20,7 @@ from codra_dsl.tooling.main_execution.model import (
     DecisionCollector,
     MainExecution,
     Names,
+    Role,
     SourceError,
 )
 from codra_dsl.tooling.main_execution.python_values import Scope, Value, alternatives, merged_calls, sequence
@@ -32,7 +32,6 @@ MAX_STEPS = 200_000
 
 _MAX_CALL_DEPTH = 20
 _MAX_BASES = 20
-_LINE_BREAK = re.compile(rb"\r\n|\r|\n")
 
 
 def read_python(path: Path, root: Path, within: Path) -> MainExecution:
@@ -49,14 +48,15 @@ def read_python(path: Path, root: Path, within: Path) -> MainExecution:
     file = relative_path(path, root)
     beginning = Place(Span(file, 1, 1, 1, 1))
     try:
-        data = read_regular_file(path, MAX_BYTES, within=within).removeprefix(codecs.BOM_UTF8)
+        data = read_regular_file(path, MAX_BYTES, within=within)
     except OSError as error:
         raise SourceError(f"cannot read '{file}': {error.strerror}", beginning, help="check the path") from error
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            module = ast.parse(data.decode())
-        return _Reader(module, _Places(file, data), path.stem).main_execution()
+            text = decode_source(data)
+            module = ast.parse(text)
+        return _Reader(module, _Places(file, text), path.stem).main_execution()
     except (RecursionError, MemoryError) as error:
         raise SourceError("the code is nested too deeply", beginning, help="split long expressions") from error
     except SyntaxError as error:
@@ -64,15 +64,15 @@ def read_python(path: Path, root: Path, within: Path) -> MainExecution:
         place = Place(Span(file, line, column, line, column + 1))
         raise SourceError(f"this is not valid Python: {error.msg}", place, help="correct it") from error
     except ValueError as error:  # other encodings, null bytes, and numbers with too many digits
-        raise SourceError(f"this is not valid Python in UTF-8: {error}", beginning, help="correct it") from error
+        raise SourceError(f"this is not valid Python: {error}", beginning, help="correct it") from error
 
 
 class _Places:
     """Converts the places of syntax trees, whose columns count bytes."""
 
-    def __init__(self, file: str, data: bytes) -> None:
+    def __init__(self, file: str, text: str) -> None:
         self._file = file
-        self._lines = _LINE_BREAK.split(data)
+        self._lines = text.split("\n")
 
     @property
     def beginning(self) -> Place:
@@ -84,8 +84,8 @@ class _Places:
         return Place(Span(self._file, node.lineno, start, end_line, end))
 
     def _column(self, line: int, offset: int) -> int:
-        text = self._lines[line - 1] if line <= len(self._lines) else b""
-        return len(text[:offset].decode("utf-8", "replace")) + 1
+        text = self._lines[line - 1] if line <= len(self._lines) else ""
+        return len(text.encode()[:offset].decode("utf-8", "replace")) + 1
 
 
 class _Reader:
@@ -192,8 +192,8 @@ class _Reader:
         """
         is_method, simple_name = name.startswith(("self.", "cls.")), name.rpartition(".")[2]
         owners = self._lineage(owner) if is_method else [""]
-        functions = (self._function_by_name.get((candidate, simple_name)) for candidate in owners)
-        function = next(filter(None, functions), None) if name.count(".") == is_method else None
+        keys = [(candidate, simple_name) for candidate in owners if name.count(".") == is_method]
+        function = next((self._function_by_name[key] for key in keys if key in self._function_by_name), None)
         if function is None or self._perceives(function):
             return None
         continues_skill = skill.is_stated or simple_name.startswith("_")
@@ -237,9 +237,10 @@ class _Reader:
         walk.statements(function.body)
         self._active.remove(function)
         self._results[key] = result = alternatives(walk.results)
-        # A function that also returns the result of a call leaves the decision on it to its callers.
+        # A function that also returns the result of a call leaves the decision on it to its callers, except in loops.
         for branch in walk.branches:
-            (self._returned if is_called and branch.call in result.calls else self._branches)[branch] = None
+            is_left = is_called and branch.call in result.calls and branch.role is Role.PRECONDITION
+            (self._returned if is_left else self._branches)[branch] = None
         return self._results[key]
 
 

@@ -203,10 +203,9 @@ class Walk:
             self._scope.bind(bound_name, Value(text=text, module=module, is_library=is_library))
 
     def _match(self, statement: ast.Match) -> None:
-        constants = [
-            node.value for case in statement.cases for node in ast.walk(case.pattern) if isinstance(node, ast.Constant)
-        ]
-        self._decide(statement.subject, type_=_type_of(constants))
+        patterns = [node for case in statement.cases for node in ast.walk(case.pattern)]
+        members = [node.value for node in patterns if isinstance(node, ast.MatchValue)]
+        self._decide(statement.subject, type_=_type_beside(members))
         for case in statement.cases:
             if case.guard is not None:
                 self._decide(case.guard)
@@ -275,22 +274,30 @@ class Walk:
                 return alternatives([self._value(body), self._value(orelse)])
             case ast.Lambda():
                 return Value()
+            case ast.ListComp(elt=element) | ast.SetComp(elt=element) | ast.GeneratorExp(elt=element):
+                return self._comprehension([element], node.generators)
+            case ast.DictComp(key=key, value=inner):
+                return self._comprehension([key, inner], node.generators)
             case ast.Call():
                 return self._call(node)
             case _:
                 return self._compound(node)
 
     def _compound(self, node: ast.AST) -> Value:
-        """Return the value of an operation or a comprehension: it depends on the calls in all its parts."""
-        values: list[Value] = []
-        for part in sorted(ast.iter_child_nodes(node), key=lambda part: not isinstance(part, ast.comprehension)):
-            if isinstance(part, ast.expr):
-                values.append(self._value(part))
-            elif isinstance(part, ast.comprehension):
-                values.append(self._value(part.iter))
-                self._bind(part.target, Value(calls=values[-1].calls))
-                for test in part.ifs:
-                    self._decide(test)
+        """Return the value of an operation: it depends on the calls in all its parts."""
+        parts = [part for part in ast.iter_child_nodes(node) if isinstance(part, ast.expr)]
+        return Value(calls=merged_calls([self._value(part) for part in parts]))
+
+    def _comprehension(self, elements: Sequence[ast.expr], generators: Sequence[ast.comprehension]) -> Value:
+        if not generators:
+            return Value(calls=merged_calls([self._value(element) for element in elements]))
+        generator, *inner_generators = generators
+        values = [self._value(generator.iter)]
+        for item in _items(values[0]):
+            self._bind(generator.target, item)
+            for test in generator.ifs:
+                self._decide(test)
+            values.append(self._comprehension(elements, inner_generators))
         return Value(calls=merged_calls(values))
 
     def _named_value(self, node: ast.Name | ast.Attribute) -> Value:
@@ -384,16 +391,16 @@ def _parts(test: ast.expr) -> Iterator[tuple[ast.expr, ast.expr, ValueType]]:
             yield from _parts(operand)
         case ast.Compare(left=left, comparators=comparators):
             sides = (left, *comparators)
-            members = [member for side in sides for member in getattr(side, "elts", [side])]
-            names = [_dotted_name(member).rpartition(".")[2] for member in members if isinstance(member, ast.Attribute)]
-            constants = [member.value for member in members if isinstance(member, ast.Constant)]
-            type_ = _type_of([*constants, *filter(str.isupper, names)])  # `Result.FAILED` is a member of an enum
+            type_ = _type_beside([member for side in sides for member in getattr(side, "elts", [side])])
             yield from ((test, side, type_) for side in sides if not isinstance(side, ast.Constant))
         case _:
             yield test, test, ValueType.BOOL
 
 
-def _type_of(constants: Iterable[object]) -> ValueType:
-    """Return the type of a value that is compared with constants."""
-    types = {type(constant) for constant in constants}
+def _type_beside(values: Iterable[ast.expr]) -> ValueType:
+    """Return the type of a value that is compared with these values."""
+    values = list(values)
+    names = [_dotted_name(value).rpartition(".")[2] for value in values if isinstance(value, ast.Attribute)]
+    constants = [value.value for value in values if isinstance(value, ast.Constant)]
+    types = {type(constant) for constant in (*constants, *filter(str.isupper, names))}  # `Result.FAILED` is a text
     return ValueType.STR if str in types else ValueType.FLOAT if types & {int, float} else ValueType.BOOL

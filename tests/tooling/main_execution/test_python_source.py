@@ -204,6 +204,39 @@ def test_the_type_of_a_variable_follows_from_comparisons(test: str, type_: str, 
     assert [decision.type.value for decision in decisions_in(tmp_path, f"if {test}: pass")] == [type_]
 
 
+@pytest.mark.parametrize(
+    ("pattern", "type_"), [("'red'", "str"), ("Result.FAILED", "str"), ("3 | 4", "float"), ("True", "bool")]
+)
+def test_the_type_of_a_variable_follows_from_patterns(pattern: str, type_: str, tmp_path: Path) -> None:
+    text = f"match see():\n case {pattern}: pass"
+
+    assert [decision.type.value for decision in decisions_in(tmp_path, text)] == [type_]
+
+
+def test_a_comprehension_over_known_texts_is_one_decision_for_each(tmp_path: Path) -> None:
+    text = "DOORS = ('in', 'out')\nif all(sees(door) for door in DOORS): pass\nx = {a: b for a in DOORS if near(a)}"
+
+    assert names_in(tmp_path, text) == ["sees_in", "sees_out", "near_in", "near_out"]
+
+
+def test_a_loop_holds_its_condition_also_if_its_function_returns_the_result(tmp_path: Path) -> None:
+    text = "def _go():\n while not (near := robot.is_near()): pass\n return near\ndef main():\n if _go(): pass"
+
+    decisions = decisions_in(tmp_path, text)
+    assert [(decision.name, decision.skill, decision.role.value) for decision in decisions] == [
+        ("robot_is_near", "main", "hold"),
+        ("robot_is_near", "main", "precondition"),
+    ]
+
+
+def test_a_file_may_declare_its_encoding(tmp_path: Path) -> None:
+    (tmp_path / "robot.py").write_bytes("# -*- coding: latin-1 -*-\nif 'é' and see(): pass".encode("latin-1"))
+
+    (decision,) = read_python(tmp_path / "robot.py", tmp_path, tmp_path).decisions
+
+    assert (decision.place.span.line, decision.place.span.column) == (2, 12)
+
+
 def test_columns_count_characters_in_any_line_ending(tmp_path: Path) -> None:
     (tmp_path / "robot.py").write_bytes("\ufeffif a(): pass\r\nif 'äöü€𝄞' and see(): pass\r\n".encode())
 
