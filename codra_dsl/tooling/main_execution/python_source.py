@@ -115,8 +115,7 @@ class _Reader:
     def main_execution(self) -> MainExecution:
         """Return the decisions of the module, each with its variable."""
         self._follow_all()
-        if self._attributes:  # methods may decide on attributes that later methods bind
-            self._follow_all()
+        self._follow_all()  # functions may decide on attributes and global names that are bound later
         decided_calls = {branch.call for branch in self._branches}
         self._branches |= {branch: None for branch in self._returned if branch.call not in decided_calls}
         return self._named()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.frozen import dataclass
@@ -129,7 +129,7 @@ def formatted(parts: Iterable[Value]) -> Value:
 
 
 class Scope:
-    """The names of a function or of a module, with what is known about their values."""
+    """The names of a function, of a module or of a branch, with what is known about their values."""
 
     def __init__(self, values: dict[str, Value], outer: Scope | None = None) -> None:
         self._values = values
@@ -139,17 +139,11 @@ class Scope:
         """Bind a name; it replaces an earlier value."""
         self._values[name] = value
 
-    def values(self) -> dict[str, Value]:
-        """Return what is known now about the names, without those of outer scopes."""
-        return dict(self._values)
-
-    def join(self, states: Iterable[Mapping[str, Value]]) -> None:
-        """Continue from one of several states, of which it is not known which one it is."""
-        values: dict[str, list[Value]] = {}
-        for state in states:
-            for name, value in state.items():
-                values.setdefault(name, []).append(value)
-        self._values = {name: alternatives(choices, name) for name, choices in values.items()}
+    def join(self, branches: Sequence[Scope]) -> None:
+        """Bind the names that branches bind, of which one was taken. This scope is the outer one of the branches."""
+        for name in dict.fromkeys(name for branch in branches for name in branch._values):
+            values = [value for branch in branches if (value := branch.get(name)) is not None]
+            self.bind(name, alternatives(values, name))
 
     def get(self, name: str) -> Value | None:
         """Return what is known about a name, or None."""

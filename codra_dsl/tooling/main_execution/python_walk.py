@@ -168,14 +168,14 @@ class Walk:
 
     def _one_of(self, *bodies: Sequence[ast.stmt]) -> None:
         """Walk through bodies of which one runs. Afterwards, a name has one of the values that they bind."""
-        start = self._scope.values()
-        ends = []
+        outer_scope, ends = self._scope, []
         for body in bodies:
-            self._scope.join([start])
+            self._scope = Scope({}, outer_scope)
             self.statements(body)
             if not (body and isinstance(body[-1], ast.Return | ast.Raise)):
-                ends.append(self._scope.values())
-        self._scope.join(ends or [start])
+                ends.append(self._scope)
+        self._scope = outer_scope
+        outer_scope.join(ends)
 
     def _loop(self, loop: ast.For | ast.AsyncFor | ast.While) -> None:
         """Walk through a loop twice: what its body binds may decide at its beginning."""

@@ -182,6 +182,18 @@ def test_results_that_are_passed_on_many_times_are_examined_in_time_linear_in_th
     assert names_in(tmp_path, f"pose = robot.see()\n{refinements}if pose: pass") == ["refine_refine_refine"]
 
 
+def test_global_names_that_are_bound_after_a_function_are_known_in_it(tmp_path: Path) -> None:
+    text = "def go():\n if sees(DOOR): pass\nif __name__ == '__main__':\n DOOR = 'in'\n go()"
+
+    assert names_in(tmp_path, text) == ["sees_in"]
+
+
+def test_branches_cost_what_they_bind_and_not_what_is_bound_before(tmp_path: Path) -> None:
+    names = "".join(f"name_{number} = {number}\n" for number in range(20_000))
+
+    assert names_in(tmp_path, names + "if name: 0\n" * 20_000 + "if see(): pass") == ["see"]
+
+
 def test_a_recursion_ends(tmp_path: Path) -> None:
     assert names_in(tmp_path, "def go(a):\n if sees(a): go(f'{a}x')\ngo('a')") == ["sees_a"]
 
