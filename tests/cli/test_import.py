@@ -72,6 +72,7 @@ def test_another_output_is_written_there(folder: Path) -> None:
     [
         ("a.py", "if (:\n", "a.py:1:5", "this is not valid Python: invalid syntax"),
         ("a.py", "x = 1" + "+1" * 50_000, "a.py:1:1", "the code is nested too deeply"),
+        ("a.py", "# coding: rot13\n", "a.py:1:1", "'rot13' is not a text encoding"),
         ("a.py", "\0", "a.py:1:1", "source code string cannot contain null bytes"),
         ("a.py", "#" * (1 << 20) + "\n", "a.py:1:1", "cannot read 'a.py': it has more than 1 MiB"),
         ("a.xml", "<root><BehaviorTree>", "a.xml:1:21", "invalid XML: no element found"),

@@ -63,7 +63,7 @@ def read_python(path: Path, root: Path, within: Path) -> MainExecution:
         line, column = max(error.lineno or 1, 1), max(error.offset or 1, 1)
         place = Place(Span(file, line, column, line, column + 1))
         raise SourceError(f"this is not valid Python: {error.msg}", place, help="correct it") from error
-    except ValueError as error:  # other encodings, null bytes, and numbers with too many digits
+    except (ValueError, LookupError) as error:  # other encodings, null bytes, and numbers with too many digits
         raise SourceError(f"this is not valid Python: {error}", beginning, help="correct it") from error
 
 

@@ -194,6 +194,12 @@ def test_branches_cost_what_they_bind_and_not_what_is_bound_before(tmp_path: Pat
     assert names_in(tmp_path, names + "if name: 0\n" * 20_000 + "if see(): pass") == ["see"]
 
 
+def test_names_keep_letters_without_their_marks_and_are_unique(tmp_path: Path) -> None:
+    text = "if r.ist_tür_offen() or r.ist_tur_offen() or дверь() or окно() or r.lambda_(): pass"
+
+    assert names_in(tmp_path, text) == ["r_ist_tur_offen", "r_ist_tur_offen_2", "decision", "decision_2", "r_lambda"]
+
+
 def test_a_recursion_ends(tmp_path: Path) -> None:
     assert names_in(tmp_path, "def go(a):\n if sees(a): go(f'{a}x')\ngo('a')") == ["sees_a"]
 
