@@ -109,6 +109,14 @@ def test_a_smaller_share_than_demanded_fails() -> None:
     codra(*OPTIONS, "--fail-under", "101", exit_code=2)
 
 
+def test_a_source_without_decisions_is_not_covered(folder: Path) -> None:
+    (folder / "robot.py").write_text("")
+
+    _, error = codra(*OPTIONS, "--fail-under", "100", exit_code=1)
+
+    assert "'robot.py' has no decision" in error
+
+
 def test_the_graph_colours_decisions_and_variables_by_coverage(folder: Path) -> None:
     codra(*OPTIONS, "--graph", "coverage.dot")
     nodes = {

@@ -18,7 +18,7 @@ SourceArgument = Annotated[
     Path,
     typer.Argument(
         metavar="SOURCE",
-        help="A Python file, a file of behavior trees, or a folder with such trees.",
+        help="A Python file, a file or folder of behavior trees, or the folder of a RAFCON state machine.",
         show_default=False,
     ),
 ]
@@ -59,9 +59,6 @@ def import_command(
     except ImproperNameError as error:
         raise typer.BadParameter(str(error), param_hint="--as") from error
     main_execution = read_decisions(source, models or (), color)
-    if not main_execution.decisions:
-        say(f"'{source}' has no decision: neither a branch on the result of a call, nor a condition of a tree")
-        raise typer.Exit(ExitCode.FAILED)
     file = output or Path("specs", f"{name}.yaml")
     text = draft(main_execution, name, str(source))
     _check_draft(text, file, color)
@@ -84,7 +81,7 @@ def import_command(
 
 
 def read_decisions(source: Path, models: Sequence[Path], colour: Colour, root: Path | None = None) -> MainExecution:
-    """Return the decisions of a source. Errors are shown and end the command.
+    """Return the decisions of a source. Errors, and a source without decisions, are shown and end the command.
 
     Places are relative to `root`, or else to the root of the source's project.
     """
@@ -96,6 +93,10 @@ def read_decisions(source: Path, models: Sequence[Path], colour: Colour, root: P
     main_execution, findings = read_source(source, models, root)
     say_findings(findings, root, colour)
     if main_execution is None:
+        raise typer.Exit(ExitCode.FAILED)
+    if not main_execution.decisions:
+        kinds = "no branch on the result of a call, no condition of a tree, and no state that decides"
+        say(f"'{source}' has no decision: {kinds}")
         raise typer.Exit(ExitCode.FAILED)
     return main_execution
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from enum import StrEnum
+from unicodedata import normalize
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity
 from codra_dsl.language.expression import MAX_NAME, is_identifier
@@ -17,6 +18,9 @@ _MAX_LENGTH = MAX_NAME - 30
 """The maximum length of a name to which numbers and prefixes may be added."""
 
 _LOWER_BEFORE_UPPER = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_MARKS = re.compile("[\u0300-\u036f]")
+"""Combining marks, such as the dots of `ü` after its decomposition."""
+
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9]+")
 
 
@@ -119,8 +123,9 @@ class Names:
 
 
 def _identifier(words: Iterable[str], fallback: str) -> str:
-    """Return words in lower case, joined by `_`: `IsDoorOpen` gives `is_door_open`."""
-    text = "_".join(_LOWER_BEFORE_UPPER.sub("_", word[:_MAX_LENGTH]) for word in words)
+    """Return words in lower case, joined by `_`: `IsDoorOpen` gives `is_door_open`, and `Tür` gives `tur`."""
+    plain_words = (_MARKS.sub("", normalize("NFKD", word[:_MAX_LENGTH])) for word in words)
+    text = "_".join(_LOWER_BEFORE_UPPER.sub("_", word) for word in plain_words)
     name = _NOT_IN_NAMES.sub("_", text).strip("_").lower()[:_MAX_LENGTH].rstrip("_")
     candidates = (name, f"{fallback}_{name}", f"{name}_{fallback}")
     return next((candidate for candidate in candidates if name and is_identifier(candidate)), fallback)

@@ -18,6 +18,7 @@ class Call:
 
     Attributes:
         function: the name of the function; with its module, `module:function`, if the file imports it.
+        arguments: the texts of the arguments. The calls from which the arguments derive are not kept.
         is_context: whether the call asks a context manager for a variable by its name.
     """
 
@@ -101,9 +102,18 @@ def merged_calls(values: Iterable[Value]) -> tuple[Call, ...]:
     return tuple(dict.fromkeys(call for value in values for call in value.calls))[:_MAX_ITEMS]
 
 
-def alternatives(values: Sequence[Value]) -> Value:
-    """Return what is known about a value that is one of several."""
-    return values[0] if len(values) == 1 else Value(calls=merged_calls(values))
+def alternatives(values: Sequence[Value], text: str = UNKNOWN_TEXT) -> Value:
+    """Return what is known about a value that is one of several; `text` is how the file writes it."""
+    values = list(dict.fromkeys(values))
+    if len(values) == 1:
+        return values[0]
+    return Value(
+        text=text,
+        is_hole=any(value.is_hole for value in values),
+        calls=merged_calls(values),
+        module=next((value.module for value in values if value.module), ""),
+        is_library=any(value.is_library for value in values),
+    )
 
 
 def formatted(parts: Iterable[Value]) -> Value:
@@ -119,7 +129,7 @@ def formatted(parts: Iterable[Value]) -> Value:
 
 
 class Scope:
-    """The names of a function or of a module, with what is known about their values."""
+    """The names of a function, of a module or of a branch, with what is known about their values."""
 
     def __init__(self, values: dict[str, Value], outer: Scope | None = None) -> None:
         self._values = values
@@ -128,6 +138,12 @@ class Scope:
     def bind(self, name: str, value: Value) -> None:
         """Bind a name; it replaces an earlier value."""
         self._values[name] = value
+
+    def join(self, branches: Sequence[Scope]) -> None:
+        """Bind the names that branches bind, of which one was taken. This scope is the outer one of the branches."""
+        for name in dict.fromkeys(name for branch in branches for name in branch._values):
+            values = [value for branch in branches if (value := branch.get(name)) is not None]
+            self.bind(name, alternatives(values, name))
 
     def get(self, name: str) -> Value | None:
         """Return what is known about a name, or None."""

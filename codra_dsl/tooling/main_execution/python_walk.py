@@ -6,7 +6,8 @@ import ast
 import builtins
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from codra_dsl.language.diagnostics import Place
@@ -102,6 +103,13 @@ class Module(Protocol):
         """Return the result of a function of the file that does not perceive, or None for another function."""
         ...
 
+    def bind_attribute(self, owner: str, name: str, value: Value) -> None:
+        """Bind an attribute of the objects of a class."""
+
+    def attribute(self, owner: str, name: str) -> Value:
+        """Return what is known about an attribute of the objects of a class."""
+        ...
+
 
 class Walk:
     """Walks through one function, or through the statements of a module.
@@ -134,49 +142,74 @@ class Walk:
             case ast.Assign(targets=targets, value=value):
                 for target in targets:
                     self._bind(target, self._value(value))
-            case ast.AnnAssign(target=target, value=ast.expr() as value) | ast.AugAssign(target=target, value=value):
+            case ast.AnnAssign(target=target, value=ast.expr() as value):
                 self._bind(target, self._value(value))
-            case ast.For(target=target, iter=iterable) | ast.AsyncFor(target=target, iter=iterable):
-                values = self._value(iterable)
-                for item in _items(values):
-                    self._bind(target, item)
-                    self.statements(statement.body)
-                self.statements(statement.orelse)
+            case ast.AugAssign(target=target):
+                self._bind(target, self._compound(statement))
+            case ast.For() | ast.AsyncFor() | ast.While():
+                self._loop(statement)
             case ast.With(items=items) | ast.AsyncWith(items=items):
                 self._with(items, statement.body)
-            case ast.If(test=test) | ast.While(test=test):
-                self._decide(test, Role.HOLD if isinstance(statement, ast.While) else Role.PRECONDITION)
-                self.statements([*statement.body, *statement.orelse])
+            case ast.If(test=test):
+                self._decide(test)
+                self._one_of(statement.body, statement.orelse)
             case ast.Assert(test=test):
                 self._decide(test)
             case ast.Match():
                 self._match(statement)
             case ast.Try() | ast.TryStar():
-                self.statements(statement.body)
-                for handler in statement.handlers:
-                    self.statements(handler.body)
-                self.statements([*statement.orelse, *statement.finalbody])
+                self._one_of(statement.body, ())  # an exception may end the body before it has bound anything
+                self._one_of(statement.orelse, *(handler.body for handler in statement.handlers))
+                self.statements(statement.finalbody)
             case ast.Return(value=ast.expr() as value):
                 self.results.append(self._value(value))
             case _:
                 self._compound(statement)
 
+    def _one_of(self, *bodies: Sequence[ast.stmt]) -> None:
+        """Walk through bodies of which one runs. Afterwards, a name has one of the values that they bind."""
+        outer_scope, ends = self._scope, []
+        for body in bodies:
+            self._scope = Scope({}, outer_scope)
+            self.statements(body)
+            if not (body and isinstance(body[-1], ast.Return | ast.Raise)):
+                ends.append(self._scope)
+        self._scope = outer_scope
+        outer_scope.join(ends)
+
+    def _loop(self, loop: ast.For | ast.AsyncFor | ast.While) -> None:
+        """Walk through a loop twice: what its body binds may decide at its beginning."""
+        branch_count = len(self.branches)
+        for _ in range(2):
+            del self.branches[branch_count:]  # the second walk knows more
+            if isinstance(loop, ast.While):
+                self._decide(loop.test, Role.HOLD)
+                self._one_of(loop.body, ())
+            else:
+                for item in _items(self._value(loop.iter)):
+                    self._bind(loop.target, item)
+                    self._one_of(loop.body, ())
+        self.statements(loop.orelse)
+
     def _import(self, statement: ast.Import | ast.ImportFrom) -> None:
         for name in statement.names:
-            module = statement.module or "" if isinstance(statement, ast.ImportFrom) else name.name
-            is_library = module.partition(".")[0] in _LIBRARIES
-            text = name.name if isinstance(statement, ast.ImportFrom) else ""
-            self._scope.bind(name.asname or name.name, Value(text=text, module=module, is_library=is_library))
+            if isinstance(statement, ast.ImportFrom):
+                module, text, bound_name = statement.module or "", name.name, name.asname or name.name
+            else:  # `import a.b` binds `a`
+                bound_name = name.asname or name.name.partition(".")[0]
+                module, text = name.name if name.asname else bound_name, ""
+            is_relative = isinstance(statement, ast.ImportFrom) and statement.level > 0
+            is_library = not is_relative and module.partition(".")[0] in _LIBRARIES
+            self._scope.bind(bound_name, Value(text=text, module=module, is_library=is_library))
 
     def _match(self, statement: ast.Match) -> None:
-        constants = [
-            node.value for case in statement.cases for node in ast.walk(case.pattern) if isinstance(node, ast.Constant)
-        ]
-        self._decide(statement.subject, type_=_type_of(constants))
+        patterns = [node for case in statement.cases for node in ast.walk(case.pattern)]
+        members = [node.value for node in patterns if isinstance(node, ast.MatchValue)]
+        self._decide(statement.subject, type_=_type_beside(members))
         for case in statement.cases:
             if case.guard is not None:
                 self._decide(case.guard)
-            self.statements(case.body)
+        self._one_of((), *(case.body for case in statement.cases))
 
     def _with(self, items: Iterable[ast.withitem], body: Iterable[ast.stmt]) -> None:
         """Walk through a `with` statement; `with codra.skill(NAME)` states the skill of the decisions inside."""
@@ -195,7 +228,10 @@ class Walk:
     def _bind(self, target: ast.expr, value: Value) -> None:
         match target:
             case ast.Name() | ast.Attribute():
-                self._scope.bind(_dotted_name(target), value)
+                name = _dotted_name(target)
+                self._scope.bind(name, value)
+                if name.startswith("self.") and value.calls:
+                    self._module.bind_attribute(self._owner, name, value)
             case ast.Tuple(elts=targets) | ast.List(elts=targets):
                 items = value.items if value.items is not None and len(value.items) == len(targets) else None
                 for number, inner_target in enumerate(targets):
@@ -238,30 +274,41 @@ class Walk:
                 return alternatives([self._value(body), self._value(orelse)])
             case ast.Lambda():
                 return Value()
+            case ast.ListComp(elt=element) | ast.SetComp(elt=element) | ast.GeneratorExp(elt=element):
+                return self._comprehension([element], node.generators)
+            case ast.DictComp(key=key, value=inner):
+                return self._comprehension([key, inner], node.generators)
             case ast.Call():
                 return self._call(node)
             case _:
                 return self._compound(node)
 
     def _compound(self, node: ast.AST) -> Value:
-        """Return the value of an operation or a comprehension: it depends on the calls in all its parts."""
-        values: list[Value] = []
-        for part in sorted(ast.iter_child_nodes(node), key=lambda part: not isinstance(part, ast.comprehension)):
-            if isinstance(part, ast.expr):
-                values.append(self._value(part))
-            elif isinstance(part, ast.comprehension):
-                values.append(self._value(part.iter))
-                self._bind(part.target, Value(calls=values[-1].calls))
-                for test in part.ifs:
-                    self._decide(test)
+        """Return the value of an operation: it depends on the calls in all its parts."""
+        parts = [part for part in ast.iter_child_nodes(node) if isinstance(part, ast.expr)]
+        return Value(calls=merged_calls([self._value(part) for part in parts]))
+
+    def _comprehension(self, elements: Sequence[ast.expr], generators: Sequence[ast.comprehension]) -> Value:
+        if not generators:
+            return Value(calls=merged_calls([self._value(element) for element in elements]))
+        generator, *inner_generators = generators
+        values = [self._value(generator.iter)]
+        for item in _items(values[0]):
+            self._bind(generator.target, item)
+            for test in generator.ifs:
+                self._decide(test)
+            values.append(self._comprehension(elements, inner_generators))
         return Value(calls=merged_calls(values))
 
     def _named_value(self, node: ast.Name | ast.Attribute) -> Value:
         name = _dotted_name(node)
         value = self._scope.get(name)
-        if value is None and isinstance(node, ast.Attribute):  # `seen.angle` derives from `seen`
+        if isinstance(node, ast.Name):
+            return value or Value(text=name)
+        bound = self._module.attribute(self._owner, name) if name.startswith("self.") else Value()
+        if value is None:  # `seen.angle` derives from `seen`
             value = Value(text=name or UNKNOWN_TEXT, calls=self._value(node.value).calls)
-        return value or Value(text=name)
+        return replace(value, calls=merged_calls([value, bound])) if bound.calls else value
 
     def _argument(self, argument: ast.expr) -> tuple[Value, ...]:
         if isinstance(argument, ast.Starred):
@@ -282,7 +329,10 @@ class Walk:
         is_context = name.rpartition(".")[2] in _CONTEXT_METHODS and "codra" in name.lower() and bool(arguments)
         call = Call(
             function=self._qualified(name),
-            arguments=arguments[:_MAX_ARGUMENTS],
+            arguments=tuple(
+                Value(text=value.text, is_text=value.is_text, is_hole=value.is_hole)
+                for value in (*arguments, *(value for value in keywords.values() if value.is_text or value.is_hole))
+            )[:_MAX_ARGUMENTS],
             place=self._module.place(node),
             is_context=is_context,
         )
@@ -341,16 +391,16 @@ def _parts(test: ast.expr) -> Iterator[tuple[ast.expr, ast.expr, ValueType]]:
             yield from _parts(operand)
         case ast.Compare(left=left, comparators=comparators):
             sides = (left, *comparators)
-            members = [member for side in sides for member in getattr(side, "elts", [side])]
-            names = [_dotted_name(member).rpartition(".")[2] for member in members if isinstance(member, ast.Attribute)]
-            constants = [member.value for member in members if isinstance(member, ast.Constant)]
-            type_ = _type_of([*constants, *filter(str.isupper, names)])  # `Result.FAILED` is a member of an enum
+            type_ = _type_beside([member for side in sides for member in getattr(side, "elts", [side])])
             yield from ((test, side, type_) for side in sides if not isinstance(side, ast.Constant))
         case _:
             yield test, test, ValueType.BOOL
 
 
-def _type_of(constants: Iterable[object]) -> ValueType:
-    """Return the type of a value that is compared with constants."""
-    types = {type(constant) for constant in constants}
+def _type_beside(values: Iterable[ast.expr]) -> ValueType:
+    """Return the type of a value that is compared with these values."""
+    values = list(values)
+    names = [_dotted_name(value).rpartition(".")[2] for value in values if isinstance(value, ast.Attribute)]
+    constants = [value.value for value in values if isinstance(value, ast.Constant)]
+    types = {type(constant) for constant in (*constants, *filter(str.isupper, names))}  # `Result.FAILED` is a text
     return ValueType.STR if str in types else ValueType.FLOAT if types & {int, float} else ValueType.BOOL

@@ -36,8 +36,6 @@ def read_source(path: Path, models: Sequence[Path], root: Path) -> tuple[MainExe
             return (None if errors else main_execution), errors
         message = f"'{relative_path(path, root)}' is no source of decisions that codra reads"
         place = Place(Span(relative_path(path, root), 1, 1, 1, 1))
-        raise SourceError(
-            message, place, help="name a Python file (.py), or behavior trees (.xml, or a folder of them)"
-        )
+        raise SourceError(message, place, help=_HELP)
     except SourceError as error:
         return None, (error.finding,)

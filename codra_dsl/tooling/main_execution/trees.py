@@ -44,7 +44,7 @@ _NAV2_CONDITIONS = (
 """The conditions in Nav2's list of nodes whose names do not show it. Nav2's files of trees declare no nodes."""
 
 _CONDITION_NAME = re.compile(
-    rf"(?:Is|Are|Has|Have|Can|Was|Check)(?=[A-Z_0-9])|(?:is|are|has|have|can|was|check)_|(?:{_NAV2_CONDITIONS})$"
+    rf"(?:Is|Are|Has|Have|Can|Was|Check)(?=[A-Z_0-9]|[^\x00-\x7f])|(?:is|are|has|have|can|was|check)_|(?:{_NAV2_CONDITIONS})$"
 )
 """How the names of conditions begin, for nodes that nothing declares."""
 

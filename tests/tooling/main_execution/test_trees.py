@@ -56,6 +56,7 @@ def test_trees_of_nav2_have_exactly_the_listed_decisions(name: str, models: str,
         ),
         ("<Sequence><Go/><IsA/></Sequence>", {("is_a", "go", "effect")}),
         ("<IsA/>", {("is_a", "main", "precondition")}),
+        ("<Sequence><IsÖffen/><Issue/></Sequence>", {("is_offen", "issue", "precondition")}),
         ('<Fallback><Condition ID="Fine"/><Action ID="IsGo"/></Fallback>', {("fine", "is_go", "precondition")}),
         (
             '<Sequence><IsA x="1"/><IsA x="2"/><IsA x="1"/><Go/></Sequence>',
