@@ -281,18 +281,19 @@ class RemoteContext:
         """
         with self._graph_lock:
             if self._graph is None:
-                self._graph = RemoteKnowledge(
+                self._graph = graph = RemoteKnowledge(
                     package,
                     self._ask,
                     lease_s=self.hello["lease_s"],
                     end_reason=self._reason_of_end,
                     own_clock=clock,
                 )
-                self._compare_clocks()
                 try:
-                    self._graph.join(self._ask("graph", JOIN_WAIT_S, digest=digest_of(package))["graph"])
+                    graph.compare_clocks()
+                    graph.join(self._ask("graph", JOIN_WAIT_S, digest=digest_of(package))["graph"])
                 except BaseException:
                     self._graph = None
+                    graph.end()
                     raise
             return self._graph
 

@@ -101,7 +101,7 @@ class Connection:
         with self._lock:
             if self._is_closed:
                 return
-            self._is_full = len(self._unsent) > MAX_UNSENT_BYTES + self._longest_line_bytes
+            self._is_full |= len(self._unsent) > MAX_UNSENT_BYTES + self._longest_line_bytes
             self._longest_line_bytes = max(self._longest_line_bytes, len(line))
             if not self._is_full:
                 self._unsent += line

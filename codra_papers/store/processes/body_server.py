@@ -38,21 +38,21 @@ class BodyServer:
         self._body = body
         self._clock = clock
         self._listener = Listener(str(path), "AF_UNIX", authkey=key)
+        self._is_closed = False
         threading.Thread(target=self._accept, name="body-server", daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._is_closed = True
         self._listener.close()
 
     def _accept(self) -> None:
-        while True:
+        while not self._is_closed:
             try:
                 connection = self._listener.accept()
-            except OSError:
-                return  # the server is closed, or a process was killed while it connected
-            except Exception:  # noqa: BLE001 - a process without the key
+            except Exception:  # noqa: BLE001 - a process without the key, one that was killed meanwhile, or the end
                 continue
             threading.Thread(target=self._receive, args=(connection,), name="body-server", daemon=True).start()
 
@@ -91,6 +91,7 @@ class _Client:
             self._stop_functions.pop(number)()
 
     def _end(self, number: int, outcome: Outcome) -> None:
+        self._stop_functions.pop(number, None)
         self._send("ended", number, outcome)
 
     def _send(self, *message: object) -> None:

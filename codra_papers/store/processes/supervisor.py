@@ -132,10 +132,10 @@ class AgentProcesses:
             return
         for name, process in self.processes.items():
             if process.poll() is not None:
-                _close_output(process)
                 self._report(f"agent {name} has ended (exit code {process.returncode}) and is started again")
                 self.processes[name] = self._start(name)
                 self.restart_count += 1
+                _close_output(process)  # only now, because another thread reads the output of the present process
         self._clock.call_at(self._clock.now_s() + CHECK_PERIOD_S, self._check)
 
 

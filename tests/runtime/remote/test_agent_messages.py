@@ -191,6 +191,18 @@ def test_when_a_session_ends_the_tasks_that_its_agent_executes_fail_with_a_reaso
         assert successor.ask("acknowledge_task", task="lifting", number=number) == {}
 
 
+def test_an_agent_that_exits_leaves_no_task_that_nobody_can_finish() -> None:
+    with store() as (codra, clock):
+        picking, fork = agent(codra, clock, "picking"), agent(codra, clock, "fork")
+        number = picking.ask("request_task", task="lifting")["number"]
+        fork.ask("acknowledge_task", task="lifting", number=number)
+        fork.ask("exit")
+
+        handover = codra.knowledge.snapshot().handover("lifting")
+        assert (handover.stage, handover.reason) == ("aborted", "executor_lost")
+        assert "number" in picking.ask("request_task", task="lifting")
+
+
 def test_a_deadline_ends_a_task_whose_executor_is_cut_off() -> None:
     with store() as (codra, clock):
         picking, fork = agent(codra, clock, "picking"), agent(codra, clock, "fork")

@@ -11,15 +11,17 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from selectors import EVENT_READ
 from typing import Any, BinaryIO
 
 import pytest
 
 from codra_dsl.runtime import ContextManager, WallClock
 from codra_dsl.runtime.remote import RemoteContext, Server, TokenError
-from codra_dsl.runtime.remote.connection import MAX_UNSENT_BYTES
+from codra_dsl.runtime.remote.connection import MAX_UNSENT_BYTES, Connection
 from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES
 from codra_dsl.runtime.remote.server import MAX_CLOSED_CONNECTIONS, MAX_CONNECTIONS
+from codra_dsl.runtime.remote.session import open_session
 from codra_dsl.runtime.remote.token import token_file
 from tests.runtime.door import GIVEN_NEAR, Door, Manager
 from tests.runtime.remote.test_server import PATIENCE_S, eventually
@@ -133,6 +135,26 @@ def test_a_subscriber_that_does_not_read_is_disconnected_with_the_reason(server:
         "notice": "closed",
         "message": "the main execution does not read its messages",
     }
+
+
+def test_a_connection_that_had_to_drop_a_message_ends_even_if_the_peer_reads_again(codra: Manager) -> None:
+    near, far = socket.socketpair()
+    with near, far:
+        near.setblocking(False)
+        connection = Connection(near, codra.clock, lambda _, send: open_session(codra, send), lambda: None)
+        far.sendall(HELLO)
+        connection.take_turn(EVENT_READ)
+        for _ in range(3):  # the third message does not fit
+            connection.send({"text": "x" * (MAX_UNSENT_BYTES + 1)})
+        reader = threading.Thread(target=lambda: [None for _ in iter(lambda: far.recv(1 << 16), b"")])
+        reader.start()
+        eventually(lambda: connection._flush() or not connection._unsent)
+        connection.send({"text": "x"})
+        connection.take_turn(0)
+        near.shutdown(socket.SHUT_RDWR)
+        reader.join(PATIENCE_S)
+
+    assert connection.is_closed
 
 
 # Peers that send nothing

@@ -6,7 +6,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -171,11 +171,14 @@ def test_a_caught_error_in_a_transaction_leaves_the_graph_as_it_was(remote: Remo
     knowledge = remote.knowledge(shared_store)
     fork = knowledge.as_agent("fork")
 
-    def write(attributes: tuple[tuple[str, str], ...], failure: type[Exception] | None) -> None:
+    def write(
+        attributes: tuple[tuple[str, str], ...], failure: type[Exception] | None, do: Callable[[], None] = lambda: None
+    ) -> None:
         with fork.transaction() as change:
             for name, attribute in attributes:
                 with suppress(NotASourceError):
                     change.set(name, attribute, value=True)
+            do()
             if failure is not None:
                 raise failure
 
@@ -188,8 +191,10 @@ def test_a_caught_error_in_a_transaction_leaves_the_graph_as_it_was(remote: Remo
     with pytest.raises(PermissionError, match="this transaction is over"):
         change.set("robot", "docked", value=True)
 
+    with pytest.raises(PermissionError, match="this handle of the agent 'fork' is closed"):
+        write((("robot", "docked"),), None, fork.close)
+
     assert not knowledge.get("robot", "docked").known
-    fork.close()
     with pytest.raises(PermissionError, match="this handle of the agent 'fork' is closed"):
         fork.set("robot", "docked", value=True)
     knowledge.as_agent("fork").set("robot", "docked", value=True)
@@ -286,6 +291,20 @@ def test_another_version_of_the_spec_is_refused_and_a_spec_without_a_graph_has_n
         remote.knowledge(without_graph)
     with pytest.raises(ValueError, match="this program has another version of the spec than the manager"):
         remote.knowledge(other_version)
+
+
+def test_a_graph_that_could_not_be_read_is_read_by_the_next_call(
+    remote: RemoteContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lose_answer(*_: object, **__: object) -> Any:
+        raise ConnectionError("the manager did not answer within 5 s")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(remote, "_ask", lose_answer)
+        with pytest.raises(ConnectionError, match="did not answer"):
+            remote.knowledge(shared_store)
+
+    assert "robot" in remote.knowledge(shared_store).snapshot()
 
 
 def test_changes_follow_a_large_graph_while_a_program_reads_it(server: Server, codra: ContextManager[str, str]) -> None:

@@ -105,10 +105,8 @@ class AgentSession:
         """End the session of the agent, whose program has left or is lost: the tasks that it executes fail."""
         if self._graph_subscription is not None:
             self._graph_subscription.unsubscribe()
-        self._discard_changes()
-        agent, self._agent = self._agent, None
-        if agent is not None:
-            self._knowledge().abandon_tasks(agent.name)
+        if self._agent is not None:
+            self._leave_agent(self._agent)
 
     def _graph(self, digest: str = "") -> PlainData:
         self._check_digest("this program", digest)
@@ -129,9 +127,9 @@ class AgentSession:
         return {}
 
     def _exit(self) -> PlainData:
-        self._discard_changes()
-        self._agents.pop(self._entered().name).close()
-        self._agent = None
+        agent = self._entered()
+        self._leave_agent(agent)
+        self._agents.pop(agent.name).close()
         return {}
 
     # Writing
@@ -187,10 +185,13 @@ class AgentSession:
             raise MessageError(f"no open change has number {number}")
         return self._changes[number]
 
-    def _discard_changes(self) -> None:
+    def _leave_agent(self, agent: Agent[Any, AgentHandle]) -> None:
+        """Discard the open transactions, and abort the tasks that the agent executes: nobody can finish them."""
         for change in self._changes.values():
             change.discard()
         self._changes.clear()
+        self._agent = None
+        self._knowledge().abandon_tasks(agent.name)
 
 
 def agents_of_manager(codra: ContextManager[Any, Any]) -> frozenset[str]:

@@ -20,7 +20,7 @@ from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.knowledge.plain_graph import PlainGraph
 from codra_dsl.runtime.remote.agents.manager_clock import ManagerClock
-from codra_dsl.runtime.remote.protocol import MAX_NAME_CHARACTERS, PlainData, plain_value
+from codra_dsl.runtime.remote.protocol import MAX_NAME_CHARACTERS, MessageError, PlainData, plain_value
 
 Ask = Callable[..., PlainData]
 """Sends a request with its fields to the manager, and returns the answer, or raises the error of the request."""
@@ -66,8 +66,8 @@ class RemoteKnowledge(GraphCopy):
     def as_agent(self, name: str) -> AgentHandle:
         """Return the handle with which an agent writes. A connection can have one open handle.
 
-        The handle is open until `close`, the end of its `with` statement, or the end of the connection. When the
-        connection ends, the tasks that the agent executes are aborted with the reason `executor_lost`.
+        The handle is open until `close`, the end of its `with` statement, or the end of the connection. Then the tasks
+        that the agent executes are aborted with the reason `executor_lost`.
 
         Raises:
             UnknownNameError: if no such agent is declared.
@@ -117,14 +117,20 @@ class RemoteKnowledge(GraphCopy):
         check_open()
         del name  # the session speaks for it
         number = self._ask("begin_change", **({"rule": rule} if rule else {}))["change"]
-        transaction = Transaction(lambda operation: self._write(operation, change=number), new_lock())
+
+        def attempt(operation: Operation) -> Request | None:
+            check_open()
+            return self._write(operation, change=number)
+
+        transaction = Transaction(attempt, new_lock())
         try:
             yield transaction
             transaction.end()
             transaction.check()
+            check_open()
         except BaseException:
             transaction.end()
-            with contextlib.suppress(ConnectionError, RuntimeError):  # the end of the session has discarded the change
+            with contextlib.suppress(ConnectionError, RuntimeError, MessageError):  # it may be discarded already
                 self._ask("end_change", change=number, discard=True)
             raise
         self._ask("end_change", change=number)

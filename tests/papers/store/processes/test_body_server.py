@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from multiprocessing import AuthenticationError
@@ -87,6 +88,13 @@ def test_the_commands_of_a_lost_process_are_stopped(world: StoreWorld, path: Pat
 def test_a_process_without_the_key_is_refused_and_others_are_served_on(path: Path) -> None:
     with pytest.raises((AuthenticationError, EOFError, OSError)):
         Client(str(path), "AF_UNIX", authkey=b"another key")
+
+    assert connect(path).battery_percent() == 100.0
+
+
+def test_a_process_that_is_killed_while_it_connects_does_not_end_the_server(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.connect(str(path))
 
     assert connect(path).battery_percent() == 100.0
 
