@@ -194,7 +194,8 @@ def parse_graphml(text: str, source: str = "<text>", *, both_ways: bool = False)
     except ExchangeError as error:
         raise ExchangeError(f"{source}: {error}") from None
     except _READ_ERRORS as error:
-        raise ExchangeError(f"{source}: this is not GraphML: {error}") from None
+        reason = f"unknown value {error}" if isinstance(error, KeyError) else str(error)
+        raise ExchangeError(f"{source}: this is not GraphML: {reason}") from None
 
 
 # networkx
