@@ -78,7 +78,7 @@ test: test-prerequisites lint $(RAFCON_READY)
 test-ros: $(ROS_DISTRIBUTIONS:%=test-ros-%)
 
 test-ros-%: $(ROS)/%/.ready
-	unshare --map-root-user --net $(ROS)/$*/bin/python -m pytest -W ignore::DeprecationWarning tests/integrations/ros2
+	unshare $$(unshare --net true 2>/dev/null || echo --map-root-user) --net $(ROS)/$*/bin/python -m pytest -W ignore::DeprecationWarning tests/integrations/ros2
 
 lint: $(READY)
 	$(BIN)/ruff check

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.parsers import expat
 
-from codra_dsl.integrations.networkx import parse_graphml
+from codra_dsl.integrations.networkx import NEEDED_ATTRIBUTES, SEVERAL_GRAPHS, parse_graphml
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, in_file_order
 from codra_dsl.language.knowledge_files import RULES
 from codra_dsl.regular_files import read_regular_file
@@ -146,6 +146,7 @@ class _GraphmlElements:
         self._parser = expat.ParserCreate("utf-8")
         self._node_ids: set[str] = set()
         self._keys: set[str] = set()
+        self._has_graph = False
         self._ends: list[tuple[str, _FilePlace]] = []
 
     def read(self, text: str) -> None:
@@ -169,16 +170,23 @@ class _GraphmlElements:
         return self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1, len(tag) + 1
 
     def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
-        place = self._place(tag)
-        match tag.rpartition(":")[2]:
+        place, name = self._place(tag), tag.rpartition(":")[2]
+        for needed in NEEDED_ATTRIBUTES.get(name, ()):
+            if needed not in attributes:
+                self._findings.add("graph-wrong-value", f"an element '{name}' has no attribute '{needed}'", place)
+        match name:
+            case "graph" if self._has_graph:
+                self._findings.add("graph-wrong-value", SEVERAL_GRAPHS, place)
             case "key":
                 self._keys.add(attributes.get("id", ""))
             case "node":
                 self._node_ids.add(attributes.get("id", ""))
-            case "graph" if attributes.get("edgedefault") != "directed" and not self._both_ways:
-                self._findings.add("undirected-graph", "the graph is not directed", place, help=_BOTH_WAYS_HELP)
+            case "graph":
+                self._has_graph = True
+                if attributes.get("edgedefault") != "directed" and not self._both_ways:
+                    self._findings.add("undirected-graph", "the graph is not directed", place, help=_BOTH_WAYS_HELP)
             case "edge":
-                self._ends += [(attributes.get(end, ""), place) for end in ("source", "target")]
+                self._ends += [(attributes[end], place) for end in NEEDED_ATTRIBUTES["edge"] if end in attributes]
                 if attributes.get("directed") == "false" and not self._both_ways:
                     self._findings.add("undirected-graph", "the edge is not directed", place, help=_BOTH_WAYS_HELP)
             case "data" if attributes.get("key", "") not in self._keys:

@@ -38,7 +38,10 @@ _JSON_KINDS_KEY = "json"
 _XML_TEXT_PATTERN = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
 """The texts that XML can write and return unchanged."""
 
-_GRAPHML = "{http://graphml.graphdrawing.org/xmlns}"
+NEEDED_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {"node": ("id",), "edge": ("source", "target")}
+"""The attributes without which an element of GraphML names no node. networkx reads it all the same."""
+
+SEVERAL_GRAPHS = "there are several graphs, of which only one can be read: put all nodes and edges into one 'graph'"
 
 _READ_ERRORS = (
     *(ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, RecursionError, Warning),
@@ -174,6 +177,7 @@ def parse_graphml(text: str, source: str = "<text>", *, both_ways: bool = False)
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # networkx warns when it only guesses; a guess could lose data
             warnings.filterwarnings("ignore", "No key type")  # the values of such keys are kept as texts
+            _refuse_losses(ElementTree.fromstring(text))
             data = (_with_two_edges(text) if both_ways else text).encode("utf-8", "replace")
             parsed_graph = networkx.read_graphml(io.BytesIO(data), force_multigraph=True)
         for attributes in (
@@ -190,7 +194,8 @@ def parse_graphml(text: str, source: str = "<text>", *, both_ways: bool = False)
     except ExchangeError as error:
         raise ExchangeError(f"{source}: {error}") from None
     except _READ_ERRORS as error:
-        raise ExchangeError(f"{source}: this is not GraphML: {error}") from None
+        reason = f"unknown value {error}" if isinstance(error, KeyError) else str(error)
+        raise ExchangeError(f"{source}: this is not GraphML: {reason}") from None
 
 
 # networkx
@@ -296,13 +301,28 @@ def _avoid_label_key(name: str) -> str:
     return f"{name}_" if name.rstrip("_") == LABEL_KEY else name
 
 
+def _refuse_losses(root: ElementTree.Element) -> None:
+    """Refuse what networkx reads without an error, but not as it is meant.
+
+    Raises:
+        ExchangeError: if there are several graphs, or an element does not name its nodes.
+    """
+    if len(root.findall(".//{*}graph")) > 1:
+        raise ExchangeError(SEVERAL_GRAPHS)
+    for tag, names in NEEDED_ATTRIBUTES.items():
+        for element in root.findall(f".//{{*}}{tag}"):
+            for name in names:
+                if name not in element.attrib:
+                    raise ExchangeError(f"an element '{tag}' has no attribute '{name}'")
+
+
 def _with_two_edges(text: str) -> str:
     """Return GraphML in which each undirected edge is replaced by two edges, one in each direction."""
     root = ElementTree.fromstring(text)
-    for graph in root.iter(f"{_GRAPHML}graph"):
+    for graph in root.findall(".//{*}graph"):
         default = graph.get("edgedefault") == "directed"
         graph.set("edgedefault", "directed")
-        for edge in graph.findall(f"{_GRAPHML}edge"):
+        for edge in graph.findall("{*}edge"):
             if edge.get("directed") != "true" and not (default and edge.get("directed") is None):
                 edge.set("directed", "true")
                 origin, target = edge.get("source", ""), edge.get("target", "")

@@ -55,6 +55,15 @@ def test_check_reports_all_mistakes_of_all_files_at_their_places(folder: Path) -
     assert counts == "1 engine in 3 files: 3 errors\n"
 
 
+def test_a_folder_is_refused_with_what_to_name_instead(folder: Path) -> None:
+    (folder / "pyproject.toml").write_text("[tool.codra]\n")
+    (folder / "engines").mkdir()
+
+    output, _ = codra("check", "engines", "--format", "concise", exit_code=1)
+
+    assert output == "engines:1:1: error[CDR0001]: 'engines' is not a file (write the path of a regular file)\n"
+
+
 def test_check_obeys_the_settings_of_the_project_and_comments(folder: Path) -> None:
     old = of_version_5(GOOD)
     comment = "  # codra: ignore[CDR2214] the robot has FuzzyLite 5\n"

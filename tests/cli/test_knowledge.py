@@ -30,6 +30,7 @@ GRAPHML = """\
   </graph>
 </graphml>
 """
+DIRECTED = GRAPHML.replace('"undirected"', '"directed"')
 
 
 @pytest.fixture(autouse=True)
@@ -97,9 +98,19 @@ def test_all_mistakes_of_a_file_are_reported_at_their_places() -> None:
         ("<!-- \n --> <!DOCTYPE x><graphml/>", "2:6 CDR2401 the file declares a document type"),
         ("<graphml/>", "1:1 CDR2402 this is not GraphML"),
         (
-            GRAPHML.replace('"undirected"', '"directed"').replace('key="d0">2', 'key="d1">2'),
+            DIRECTED.replace('key="d0">2', 'key="d1">2'),
             "4:21 CDR2402 there is no key 'd1': declare it before the graph",
         ),
+        (
+            DIRECTED.replace("</graphml>", '<graph edgedefault="directed"><node id="attic"/></graph></graphml>'),
+            "8:1 CDR2402 there are several graphs, of which only one can be read",
+        ),
+        (
+            DIRECTED.replace('<node id="dock"/>', '<node id="dock"><graph edgedefault="directed"/></node>'),
+            "4:67 CDR2402 there are several graphs, of which only one can be read",
+        ),
+        (DIRECTED.replace("</node>", "</node><node/>"), "4:51 CDR2402 an element 'node' has no attribute 'id'"),
+        (DIRECTED.replace(' target="dock"', "", 1), "5:5 CDR2402 an element 'edge' has no attribute 'target'"),
     ],
 )
 def test_a_mistake_is_reported_once_at_its_place(text: str | bytes, finding: str) -> None:
@@ -126,17 +137,22 @@ def test_undirected_edges_are_refused_and_on_request_read_as_two() -> None:
     assert graph.node("hall").attributes["floor"].value == "2"
 
 
+def test_undirected_edges_are_read_as_two_without_a_namespace() -> None:
+    text = GRAPHML.replace(' xmlns="http://graphml.graphdrawing.org/xmlns"', "")
+
+    assert check(text, "--both-ways") == ([], "2 nodes and 3 edges in 1 file: no findings\n")
+
+
 def test_directed_edges_of_a_mixed_graph_keep_their_direction() -> None:
     mixed = GRAPHML.replace('target="dock"/>', 'target="dock" directed="true"/>', 1)
     assert check(mixed, "--both-ways")[1] == "2 nodes and 2 edges in 1 file: no findings\n"
 
-    directed = GRAPHML.replace('"undirected"', '"directed"')
-    (finding,), _ = check(directed.replace("/>\n  </g", ' directed="false"/>\n  </g'), exit_code=1)
+    (finding,), _ = check(DIRECTED.replace("/>\n  </g", ' directed="false"/>\n  </g'), exit_code=1)
     assert finding == "6:5 CDR2404 the edge is not directed"
 
 
 def test_an_edge_of_graphml_to_a_missing_node_adds_the_node() -> None:
-    text = GRAPHML.replace('"undirected"', '"directed"').replace('target="dock"', 'target="lift"', 1)
+    text = DIRECTED.replace('target="dock"', 'target="lift"', 1)
     findings, counts = check(text)
 
     assert findings == ["5:5 CDR2403 there is no node 'lift'"]

@@ -168,6 +168,12 @@ BAD_XML = {
     "f: this is not GraphML: could not convert": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
     '<key id="d" for="node" attr.name="x" attr.type="double"/>'
     '<graph edgedefault="directed"><node id="a"><data key="d">much</data></node></graph></graphml>',
+    "f: this is not GraphML: unknown value 'foo'": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
+    '<key id="d" for="node" attr.name="x" attr.type="foo"/><graph edgedefault="directed"/></graphml>',
+    "f: there are several graphs": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
+    '<graph edgedefault="directed"/><graph edgedefault="directed"><node id="a"/></graph></graphml>',
+    "f: an element 'node' has no attribute 'id'": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
+    '<graph edgedefault="directed"><node/></graph></graphml>',
     "f: this is not GraphML: maximum recursion depth": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
     '<key id="d" for="node" attr.name="json" attr.type="string"/>'
     f'<graph edgedefault="directed"><node id="a"><data key="d">{"[" * 100_000}</data></node></graph></graphml>',

@@ -57,7 +57,7 @@ def value_reader(topic: TopicModel, value_type: ValueType) -> Callable[[Any], Va
     """Return a function that returns the value of a variable in a message.
 
     It returns None if the message has no valid value: NaN, an item past the end of a list, or a value that the type of
-    the variable does not allow.
+    the variable does not allow. The compiler cannot check fields of types whose definition it does not know.
     """
     steps = [match.groups() for match in map(_STEP.fullmatch, topic.field.split(".")) if match is not None]
     factor = int(topic.factor) if value_type.kind == "int" else topic.factor
@@ -70,7 +70,7 @@ def value_reader(topic: TopicModel, value_type: ValueType) -> Callable[[Any], Va
                 part = getattr(part, name)
                 part = part if index is None else part[int(index)]
             return value_type.convert(unbox(part) * factor if is_scaled else part)  # type: ignore[operator]
-        except (IndexError, NotOfTypeError):
+        except (IndexError, TypeError, NotOfTypeError):
             return None
 
     return read

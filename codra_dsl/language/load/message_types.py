@@ -49,10 +49,12 @@ class UnreadableType:
     Attributes:
         name: the type, which may be that of a field.
         file: the file with an invalid definition; empty if there is no definition.
+        reason: why the file cannot be read; empty if its text is no definition.
     """
 
     name: str
     file: str = ""
+    reason: str = ""
 
 
 class MessageTypes:
@@ -126,11 +128,14 @@ class MessageTypes:
             file = (Path(folder) / f"{type_name}.msg").as_posix()
             self.consulted_files[file] = None
             try:
-                text = read_file(self._root / file, MAX_DEFINITION_BYTES, within=self._root, file=file).decode()
+                data = read_file(self._root / file, MAX_DEFINITION_BYTES, within=self._root, file=file)
+                text = data.decode().replace("\r\n", "\n")  # rosbags knows no other ends of lines
                 return dict(get_types_from_msg(text, type_name)[type_name][1])
             except FileNotFoundError:
                 continue
-            except (OSError, ValueError, KeyError, RecursionError, TypesysError):
+            except OSError as error:
+                return UnreadableType(type_name, file, error.strerror or "")
+            except (ValueError, KeyError, RecursionError, TypesysError):
                 return UnreadableType(type_name, file)
         return UnreadableType(type_name)
 
@@ -147,8 +152,9 @@ def _item(node: _Node, index_text: str | None) -> _Node | str:
     if index_text is None:
         return "is a list: add the index of an item, such as [0]"
     item, length = content
-    if kind == _ARRAY and int(index_text) >= length:
-        return f"has only {length} items, [0] to [{length - 1}]"
+    is_bounded = kind == _ARRAY or length > 0  # the length of a sequence is its upper bound; 0 means no bound
+    if is_bounded and int(index_text) >= length:
+        return f"has at most {length} items, and the first is [0]"
     return int(item[0]), item[1]
 
 

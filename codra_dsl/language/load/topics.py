@@ -76,6 +76,9 @@ def _report_type(
     if problem.file:
         message = f"the definition of {shown(problem.name)} in {shown(problem.file)} cannot be read"
         help_text = "correct the file, which contains the definition of a ROS message"
+        if problem.reason:
+            message = f"{message}: {problem.reason}"
+            help_text = "use a regular file in the project, or correct 'messages' in [tool.codra.ros]"
     else:
         message = f"there is no definition of the message type {shown(problem.name)}"
         suggestion = findings.nearest(problem.name, types.names())
@@ -102,7 +105,7 @@ def _check_field(variable: Variable, topic: Topic, types: MessageTypes, findings
     elif field_type not in _FIELD_TYPES[variable.type.kind] and "type" in variable.type.places:
         message = (
             f"context-variable '{variable.name}' is of type {variable.type.kind}, "
-            f"but the field {shown(topic.field)} of {shown(topic.type)} is a {field_type}"
+            f"but the field {shown(topic.field)} of {shown(topic.type)} has the type {field_type}"
         )
         place, path = topic.places["field"], f"context.{variable.name}.ros.field"
         related = [Related("the type of the variable", variable.type.places["type"])]

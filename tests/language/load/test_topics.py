@@ -14,6 +14,7 @@ from codra_dsl.language.load.message_types import MAX_DEFINITION_BYTES
 from codra_dsl.language.model import Spec, Topic
 
 DOOR = "{topic: /door, type: door_msgs/msg/Door, field: open}"
+FOURTH_DOOR = "{topic: /door, type: door_msgs/msg/Door, field: 'open[3]'}"
 BATTERY = "{topic: /battery, type: sensor_msgs/msg/BatteryState, field: percentage, scale: 100, unit: percent}"
 
 
@@ -84,7 +85,11 @@ def test_definitions_outside_the_project_are_not_read(tmp_path: Path) -> None:
     define(tmp_path, "outside", "bool open\n")
     (root / "pyproject.toml").write_text('[tool.codra.ros]\nmessages = ["../outside"]\n')
 
-    assert rule_names(root, f"{{type: bool, source: base, ros: {DOOR}}}") == ["unknown-message-type"]
+    findings = load(root, f"{{type: bool, source: base, ros: {DOOR}}}")[1]
+
+    assert [finding.rule.name for finding in findings] == ["unknown-message-type"]
+    assert "'../outside/door_msgs/msg/Door.msg' cannot be read: it " in findings[0].message
+    assert "'messages' in [tool.codra.ros]" in findings[0].help
 
 
 @pytest.mark.parametrize(
@@ -97,6 +102,34 @@ def test_a_definition_that_cannot_be_read_is_reported_with_its_file(tmp_path: Pa
 
     assert [finding.rule.name for finding in findings] == ["unknown-message-type"]
     assert "'src/door_msgs/msg/Door.msg' cannot be read" in findings[0].message
+
+
+def test_a_definition_can_have_the_line_ends_of_windows(tmp_path: Path) -> None:
+    define(tmp_path, "src", "# A door\r\nbool open\r\n")
+
+    assert rule_names(tmp_path, f"{{type: bool, source: base, ros: {DOOR}}}") == []
+
+
+@pytest.mark.parametrize(
+    ("definition", "message"),
+    [
+        ("bool[0] open", "the field 'open[3]' of 'door_msgs/msg/Door' has at most 0 items, and the first is [0]"),
+        ("bool[3] open", "the field 'open[3]' of 'door_msgs/msg/Door' has at most 3 items, and the first is [0]"),
+        ("bool[<=3] open", "the field 'open[3]' of 'door_msgs/msg/Door' has at most 3 items, and the first is [0]"),
+    ],
+)
+def test_an_item_past_the_end_of_a_list_is_reported(tmp_path: Path, definition: str, message: str) -> None:
+    define(tmp_path, "src", definition)
+
+    findings = load(tmp_path, f"{{type: bool, source: base, ros: {FOURTH_DOOR}}}")[1]
+
+    assert [finding.message for finding in findings] == [message]
+
+
+def test_a_list_without_bound_can_have_any_item(tmp_path: Path) -> None:
+    define(tmp_path, "src", "bool[] open")
+
+    assert rule_names(tmp_path, f"{{type: bool, source: base, ros: {FOURTH_DOOR}}}") == []
 
 
 def test_an_edited_definition_is_read_again(tmp_path: Path) -> None:

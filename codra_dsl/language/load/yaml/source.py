@@ -90,7 +90,7 @@ def read(
         help_text = "copy the file into the project, or remove the link; only files of the project are read"
         findings.add("cannot-read", message, file_place(file), help=help_text)
     except UnsuitableFileError:
-        help_text = "write the path of a file or a folder"
+        help_text = "write the path of a regular file"
         findings.add("cannot-read", f"'{file}' is not a file", file_place(file), help=help_text)
     except OSError as error:
         message = f"cannot read '{file}': {error.strerror}"
