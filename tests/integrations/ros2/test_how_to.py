@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import rclpy
@@ -40,8 +41,10 @@ def test_the_programs_of_the_guide_answer_services_and_leave_a_journal(tmp_path:
         subprocess.Popen([sys.executable, name], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
         for name in ("cart_node.py", "cart_robot.py")
     ]
+    limit_s = time.monotonic() + LIMIT_S
     while not charges or charges[-1].value.type == ParameterType.PARAMETER_NOT_SET:
         assert [program.poll() for program in programs] == [None, None]
+        assert time.monotonic() < limit_s, charges
         rclpy.spin_once(node, timeout_sec=0.1)
     answers = []
     for service, name in (("preview", "drive"), ("why", "charge")):
